@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from identification import Finding, Trajectory
-from identification.fitting import distinguishable_terms
+from identification.estimators.motion import distinguishable_terms
 from tests.exact_axis import Axis, counted, positions
 from tests.findings import findings_of
 

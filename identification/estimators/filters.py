@@ -39,6 +39,11 @@ _SILENT = 1e-12
 _INDEPENDENT = 1 / (1 + 2 * (4 / 9 + 1 / 36))
 #: Probability that an octave of a white residual is taken for coloured.
 _CHANCE = 1e-4
+#: ... or a white force for structure, which costs time alone.
+_TIME_ALONE = 0.01
+#: Part of the lines up to a cut-off whose upper half tells a push. Rows are a multiple of the
+#: second, for a quick transform, and so many lines at least tell anything.
+_SLOW, _EVEN = 0.25, 64
 #: An octave may be off by this part without a loss that matters: it costs its square in variance.
 _HARMLESS = 0.1
 #: Squares that a fit may take out of one octave: one for each of mass, damping, friction of two
@@ -153,7 +158,7 @@ class LowPass:
         return float(second @ second), float(central @ central)
 
 
-def _spectrum(residual: FloatArray) -> FloatArray:
+def spectrum(residual: FloatArray) -> FloatArray:
     """Periodogram without its zero frequency, tapered, shape (rows // 2,)."""
     window = np.hanning(residual.size)
     return np.abs(np.fft.rfft((residual - np.mean(residual)) * window)[1:]) ** 2
@@ -191,9 +196,13 @@ def is_coloured(residual: FloatArray, *, either_side: bool = False) -> bool:
     out of it by itself: it makes no interval wrong, but mass and damping could be read more sharply
     there.
     """
+    return is_uneven(spectrum(residual), _CHANCE, either_side=either_side)
+
+
+def is_uneven(power: FloatArray, probability: float, *, either_side: bool = False) -> bool:
+    """Whether any octave of a spectrum is off as no octave of a white one in 1/probability."""
     from scipy.special import chdtri
 
-    power = _spectrum(residual)
     mean = float(np.mean(power))
     if mean == 0:
         return False
@@ -201,16 +210,48 @@ def is_coloured(residual: FloatArray, *, either_side: bool = False) -> bool:
     while end > 0:
         start = end // 2 if end > 2 * _FEWEST_LINES else 0
         freedom = 2 * (end - start) * _INDEPENDENT
-        chance = float(chdtri(freedom, _CHANCE)) / freedom
+        chance = float(chdtri(freedom, probability)) / freedom
         level = float(np.mean(power[start:end])) / mean
         if level > max(chance, 1 + _HARMLESS):
             return True
         if either_side and freedom > 2 * _FITTED:
-            quiet = float(chdtri(freedom - _FITTED, 1 - _CHANCE)) / freedom
+            quiet = float(chdtri(freedom - _FITTED, 1 - probability)) / freedom
             if level < min(quiet, 1 - _HARMLESS):
                 return True
         end = start
     return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """What a filtered rest of the force may hold."""
+
+    structured: bool = True  # more than noise and a white force explain
+    pushed: bool = False  # a force that moves the device by more than all that could feign it
+
+    @classmethod
+    def of(cls, rest: FloatArray, cut_off: float, noise: float, feigned: float) -> Rest:
+        """From its spectrum up to the cut-off, part of the sampling rate, as if never filtered.
+
+        Noise is that of a reading as a force of the mass, N: it grows with the fourth power of
+        frequency. What is feigned is the power of a white force, N².
+        """
+        rows = rest.size // _EVEN * _EVEN
+        lines = int(cut_off * rows)
+        if lines < _EVEN:
+            return cls()
+        line = np.arange(1, lines + 1)
+        # Of the power a taper leaves 3/8.
+        unfiltered = 8 / 3 / rows * np.exp(np.log(2) * (line / lines) ** 2)
+        power: FloatArray = spectrum(rest[:rows])[:lines] * unfiltered
+        parasitic: FloatArray = noise**2 * (2 * np.sin(np.pi * line / rows)) ** 4
+        level = parasitic + max(float(np.mean(power - parasitic)), np.finfo(float).tiny)
+        last = int(_SLOW * lines)
+        slow = slice(last // 2, last)
+        # As if all noise of the readings were there.
+        feigned += rows / (2 * last) * float(np.mean(parasitic[slow]))
+        pushed = bool(np.mean(power[slow]) > feigned)
+        return cls(structured=is_uneven(power / level, _TIME_ALONE), pushed=pushed)
 
 
 def whitener(residual: FloatArray) -> FloatArray:
@@ -222,7 +263,7 @@ def whitener(residual: FloatArray) -> FloatArray:
     """
     from scipy.fft import irfft, rfft
 
-    power = _smooth_spectrum(_spectrum(residual))
+    power = _smooth_spectrum(spectrum(residual))
     level = np.log(np.maximum(power, _SILENT * max(float(power.max()), np.finfo(float).tiny)))
     place = np.linspace(0, level.size, _GRID // 2 + 1)
     grid = np.interp(place, np.arange(1, level.size + 1), level)

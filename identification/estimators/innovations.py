@@ -41,6 +41,8 @@ FloatArray = NDArray[np.float64]
 #: Ratios of unlogged force to position noise tried as starts, as the corner frequency above which
 #: position noise rules, in parts of the sampling rate.
 _CORNERS = (0.3, 0.1, 0.03, 0.01, 0.003)
+#: Rows, the first of a log, that tell the best of them.
+_BEGUN = 1 << 13
 #: Coefficients stay this far inside of what has a stable inverse.
 _INSIDE = 1e-6
 #: Times the filter for what is left coloured is made anew.
@@ -259,7 +261,7 @@ def _start(problem: _Problem, table: Regression, delay: float) -> FloatArray:
     rate = problem.drive.rate_of(values)
     averages = [*map(_moving_average, _CORNERS), *_under_gravity(table, values, rate)]
     least = np.array([rate, 0.0, 0.0, delay])[: 4 if problem.drive.delay is None else 3]
-    rows = problem.rows(least)
+    rows = [each[..., :_BEGUN] for each in problem.rows(least)]
     for average in averages:
         theta = least.copy()
         theta[1:3] = average

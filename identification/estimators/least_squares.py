@@ -88,8 +88,6 @@ _FINER = (0.5, 0.1, 0.02)
 _ROUNDS = 2
 #: Samples of the rough scan, from the middle of the log.
 _ROUGH = 1 << 13
-
-
 #: A residual is loud from this part of the force on, rms, and this many mean squares of noise.
 #: Noise beside a resonance near the cut-off looks like a lighter device there.
 LEAST, LOUD = 0.003, 1.5

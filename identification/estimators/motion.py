@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from identification.estimators.estimate import Model
 from identification.estimators.filters import REACH, LowPass, gaussian
 from identification.estimators.signals import HeldColumn, HeldResponse
+from identification.trajectory import Trajectory, position_noise
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -34,6 +35,13 @@ _NOISE_BAND = 3.0
 _LONG_DWELL = 4
 #: The velocity after a rest is counted from the rest for at least this many samples.
 _SHORTEST_START = 3
+#: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
+_LEAST_RETURN = 0.01
+#: A step is motion if it exceeds this many standard deviations of the noise of one reading, ...
+_CLEAR = 5.0
+#: ... over as many samples, doubled up to this part of the log, as make this part of steps motion.
+_LONGEST_SPAN = 0.01
+_ENOUGH = 0.5
 
 
 def running_maximum(column: FloatArray, width: int) -> FloatArray:
@@ -53,6 +61,21 @@ def running_maximum(column: FloatArray, width: int) -> FloatArray:
 def running_range(column: FloatArray, width: int) -> FloatArray:
     """Largest less smallest of the ``width`` samples about each one, shape (n,)."""
     return running_maximum(column, width) + running_maximum(-column, width)
+
+
+def distinguishable_terms(trajectory: Trajectory) -> Model:
+    """Friction and offset, if the log can tell them apart: motion one way only cannot.
+
+    Noise of the readings steps both ways; only steps beyond it are motion.
+    """
+    place = trajectory.position
+    clear = _CLEAR * position_noise(place, trajectory.force)
+    span, steps = 1, np.diff(place)
+    while np.mean(np.abs(steps) > clear) < _ENOUGH and 2 * span <= _LONGEST_SPAN * place.size:
+        span *= 2
+        steps = place[span:] - place[:-span]
+    forth, back = np.sum(steps > clear), np.sum(steps < -clear)
+    return Model(coulomb=bool(min(forth, back) >= _LEAST_RETURN * (forth + back)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
@@ -22,7 +23,7 @@ from identification.estimators.estimate import (
     half_width,
     region,
 )
-from identification.estimators.filters import is_coloured
+from identification.estimators.filters import Rest, is_coloured
 from identification.estimators.least_squares import (
     CUT_OFF_RANGE,
     Delay,
@@ -32,16 +33,11 @@ from identification.estimators.least_squares import (
     prepare,
     shift_of_delay,
 )
+from identification.estimators.motion import distinguishable_terms
 from identification.findings import contradicts_delay, judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.trajectory import (
-    NORMAL_95,
-    Trajectory,
-    encoder_count,
-    most_excited,
-    position_noise,
-)
+from identification.trajectory import NORMAL_95, Trajectory, encoder_count, most_excited
 
 if TYPE_CHECKING:
     from identification.fitting.dynamics import Dynamics
@@ -61,7 +57,7 @@ class _Estimator(Protocol):
     ) -> PointEstimate: ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PreparedLog:
     """A prepared log and its estimates."""
 
@@ -136,6 +132,29 @@ class PreparedLog:
         """Terms of every estimate."""
         return self.table.model
 
+    @cached_property
+    def rest(self) -> Rest:
+        """What least squares leaves of the force."""
+        table, step, found = self.table, self.table.signals.step, self.fit("least-squares")
+        if isinstance(table.signals.steps, np.ndarray):
+            return Rest()
+        noise = found.value("mass") * table.signals.noise / step**2
+        turned = np.diff(np.sign(table.motion.direction.mean()))
+        feigned = found.value("coulomb_friction") ** 2 * float(np.mean(turned**2))
+        return Rest.of(found.residual, table.cut_off.frequency * step, noise, feigned)
+
+    @cached_property
+    def structured(self) -> bool:
+        """Whether what is left may be more than noise and a white force."""
+        from identification.fitting.friction_curve import follows_motion
+
+        return self.rest.structured or follows_motion(self.table, self.delay)
+
+    @property
+    def pushed(self) -> bool:
+        """Whether forces that nobody logged move the device beyond doubt."""
+        return self.table.is_loud(self.delay) and self.rest.pushed
+
     @property
     def has_reference(self) -> bool:
         """Whether the log carries the set-point the device followed."""
@@ -206,7 +225,8 @@ def noise_explains(prepared: PreparedLog) -> str | None:
     Gravity is taken at the measured position, and what noise does to it is a force of its own.
     Where least squares give no positive mass there is nothing to start output error from.
     """
-    if prepared.model.gravity != "none" or prepared.fit("least-squares").value("mass") <= 0:
+    starts = prepared.fit("least-squares").value("mass") > 0
+    if prepared.model.gravity != "none" or not starts or prepared.pushed:
         return None
     simulated = prepared.fit("output-error")
     if not is_coloured(simulated.residual):
@@ -232,16 +252,12 @@ def choose(prepared: PreparedLog, method: str, explained: str | None) -> tuple[E
         return prepared.fit(method), f"{method.replace('-', ' ')} as asked"
     if not starts:
         return regression, "least squares, because it gives no positive mass to start others from"
-    if prepared.model.gravity != "none":
+    if prepared.model.gravity != "none" or prepared.pushed:
         return robust(prepared)
     simulated = prepared.fit("output-error")
     if explained is not None:
-        instrumental = prepared.fit("instruments") if prepared.has_reference else None
-        if (
-            instrumental is None
-            or instrumental.value("mass") <= 0
-            or not contradiction(simulated, instrumental)
-        ):
+        judge = prepared.fit("instruments") if prepared.has_reference else simulated
+        if judge.value("mass") <= 0 or not contradiction(simulated, judge):
             return simulated, f"output error, because {explained}"
     chosen, reason = robust(prepared)
     chance = _WHITE_BY_CHANCE / np.sqrt(simulated.residual.size / 2)
@@ -280,8 +296,8 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
         )
     if sharper and not apart:
         return predicted, (
-            "innovations, because noise of the position does not explain all that output error "
-            f"leaves, they know mass and damping best, and {_named(judge)} do not contradict"
+            "innovations, because noise of the position does not explain all that is left, they "
+            f"know mass and damping best, and {_named(judge)} do not contradict"
         )
     why = "innovations know mass and damping less well"
     if apart:
@@ -307,10 +323,10 @@ def over_cut_offs(prepared: PreparedLog, estimate: Estimate) -> Estimate:
     if estimate.method != "instruments":
         return estimate
     table = prepared.table
-    frequency = table.cut_off.frequency
+    middle = table.cut_off.frequency
     low, high = (
-        prepared.point(table.at_cut_off(factor * frequency), "instruments").values
-        for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
+        prepared.point(table.at_cut_off(each), "instruments").values
+        for each in (middle / CUT_OFF_RANGE, middle * CUT_OFF_RANGE)
     )
     choice_shift = (high - low) / 2
     covariance = estimate.covariance + np.outer(choice_shift, choice_shift)
@@ -384,21 +400,20 @@ def fit_log(
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), None
     explained = noise_explains(prepared)
     if explained is None:
-        plain = prepared
-        prepared, structure = _add_paying_terms(plain)
-        explained = None if prepared is plain else noise_explains(prepared)
+        prepared, structure = _add_paying_terms(prepared)
+        explained = noise_explains(prepared)
     regression, curve = prepared.fit("least-squares"), None
     plausible = regression.value("mass") > 0
     if explained is None and plausible:
         from identification.fitting.friction_curve import friction_curve
 
-        # What the residual holds beside noise, where noise does not explain it.
-        curve = friction_curve(prepared.table, prepared.delay)
+        structured = prepared.structured
+        curve = friction_curve(prepared.table, prepared.delay, structured=structured)
     # A lag looks like a delay that contradicts the one stated.
     late = stated is not None and prepared.stated is None
     seen = prepared.believing(stated) if late else prepared
     asked = not rigid and plausible and (explained is None or late)
-    if asked and seen.table.is_loud(seen.delay):
+    if asked and seen.table.is_loud(seen.delay) and seen.structured:
         from identification.fitting.dynamics import find_dynamics
 
         least = np.inf if curve is None or late else curve.left**2
@@ -430,7 +445,6 @@ def fit_log(
     if delay is not None and chosen.delay_deviation is not None:  # the chosen method knows it best
         delay = replace(delay, value=chosen.delay, deviation=chosen.delay_deviation)
     others = tuple(each for each in prepared.made.values() if each.method != chosen.method)
-    consulted = [each for each in others if each.method in CONSULTED]
     return LogFit(
         trajectory=trajectory,
         fitted=len(part),
@@ -443,7 +457,7 @@ def fit_log(
             chosen,
             delay=delay,
             stated=stated,
-            consulted=consulted,
+            consulted=[each for each in others if each.method in CONSULTED],
             unexplained=1.0 if curve is None else curve.left,
         )
         + beyond,
@@ -453,13 +467,6 @@ def fit_log(
     )
 
 
-#: Coulomb friction can be told from an offset if at least this part of the motion goes either way.
-_LEAST_RETURN = 0.01
-#: A step is motion if it exceeds this many standard deviations of the noise of one reading, ...
-_CLEAR = 5.0
-#: ... over as many samples, doubled up to this part of the log, as make this part of steps motion.
-_LONGEST_SPAN = 0.01
-_ENOUGH = 0.5
 #: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
 #: mass and damping by more than their intervals where the term is real.
 _ASKED_FOR = 1.0
@@ -470,21 +477,6 @@ _NEGATIVE_BY_CHANCE = 3.0
 _WIDE_SWING = 0.5
 #: ... unless the other law leaves less than this part of the mean square that this one leaves.
 _BETTER_LAW = 0.9
-
-
-def distinguishable_terms(trajectory: Trajectory) -> Model:
-    """Friction and offset, if the log can tell them apart: motion one way only cannot.
-
-    Noise of the readings steps both ways; only steps beyond it are motion.
-    """
-    place = trajectory.position
-    clear = _CLEAR * position_noise(place, trajectory.force)
-    span, steps = 1, np.diff(place)
-    while np.mean(np.abs(steps) > clear) < _ENOUGH and 2 * span <= _LONGEST_SPAN * place.size:
-        span *= 2
-        steps = place[span:] - place[:-span]
-    forth, back = np.sum(steps > clear), np.sum(steps < -clear)
-    return Model(coulomb=bool(min(forth, back) >= _LEAST_RETURN * (forth + back)))
 
 
 def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | None]:

@@ -18,13 +18,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.device.quantities import LARGEST
-from identification.estimators.estimate import Estimate
+from identification.estimators.estimate import Estimate, symmetric_inverse, unit_columns
+from identification.estimators.filters import LowPass
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
 from identification.fitting.stability_selection import (
@@ -74,6 +76,11 @@ _FIRST, _FURTHER = 0.25, 0.5
 _MOST = 3
 #: Standard deviations by which a slope may be off.
 _SURE = 2 * NORMAL_95
+#: Time between coarse rows, parts of the period of the cut-off, and independent rows in a period.
+_COARSE, _INDEPENDENT = 0.125, 2.13
+#: Part of a rest that hints at a kind, or so many deviations above what chance explains; directions
+#: weaker than the last, of columns of norm 1, carry nothing.
+_HINTED, _BY_CHANCE, _ALIKE = 0.1, 3.0, 1e-9
 #: Least stiffness before sliding, part of the largest: below it the device as good as slides.
 _SOFTEST = 0.01
 
@@ -85,7 +92,9 @@ def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
     for width in widths:
         stretch, course = 0.0, [0.0]
         for move in moves:
-            stretch = min(max(stretch + move, -width), width)
+            stretch += move
+            if not -width <= stretch <= width:
+                stretch = width if stretch > 0 else -width
             course.append(stretch)
         courses.append(np.array(course) / width)
     return np.stack(courses)
@@ -96,17 +105,18 @@ class _Forces:
     """The kinds of force of one log."""
 
     table: Regression  # its regression, direction of motion settled
+    stride: int = 1  # intervals that are taken as one
 
     @cached_property
     def fastest(self) -> float:
         """Fastest speed seen, smoothed, m/s."""
         return float(np.max(np.abs(self._speed)))
 
-    def columns(self) -> dict[Kind, FloatArray]:
-        """Filtered columns of each kind, shape (rows, its columns); none that is zero or wild."""
+    def columns(self, kinds: int | None) -> dict[Kind, FloatArray]:
+        """Filtered columns of the first kinds, shape (rows, its columns); none zero or wild."""
         moving, steps = self.table.motion.moving, self.table.signals.steps
         found: dict[Kind, FloatArray] = {}
-        for kind, held in self._held():
+        for kind, held in islice(self.held(), kinds):
             made = [self.table.filtered(HeldColumn.constant(each * moving, steps)) for each in held]
             found[kind] = np.stack(made, axis=1)
         return found
@@ -140,6 +150,32 @@ class _Forces:
         held = np.tril(np.ones((len(_WIDTHS) + 1, len(_WIDTHS))), -1)
         return np.column_stack((np.full(len(held), 2 / travel), held * springs))
 
+    def rigid(self, delay: float) -> Iterator[list[FloatArray]]:
+        """Columns that resemble what a lag, friction by load and a mass behind play leave."""
+        force = self.thin(self.table.held_force(delay).mean())
+        slope, bend = np.gradient(force), np.gradient(self.thin(self._speed))
+        yield [slope, np.gradient(slope)]
+        yield [np.abs(force) * self.sense]
+        yield [bend * (1 - np.abs(stop)) for stop in self.stops]
+
+    def thin(self, held: FloatArray) -> FloatArray:
+        """Means over as many intervals as are taken as one."""
+        count = held.size // self.stride
+        return held[: count * self.stride].reshape(count, self.stride).mean(axis=1)
+
+    @cached_property
+    def sense(self) -> FloatArray:
+        """Direction of motion."""
+        return self.thin(self.table.motion.direction.mean())
+
+    @cached_property
+    def stops(self) -> FloatArray:
+        """Stretch of the springs that yield."""
+        position = self.table.signals.position
+        widths = [width * np.ptp(position) for width in _WIDTHS]
+        stops = stop_operators(position[:: self.stride], widths)[:, : self.sense.size + 1]
+        return (stops[:, 1:] + stops[:, :-1]) / 2
+
     @cached_property
     def _speed(self) -> FloatArray:
         return smooth_speed(self.table)
@@ -151,18 +187,16 @@ class _Forces:
         middle, half = (position.max() + position.min()) / 2, np.ptp(position) / 2
         return ((position[1:] + position[:-1]) / 2 - middle) / half
 
-    def _held(self) -> Iterator[tuple[Kind, list[FloatArray]]]:
+    def held(self) -> Iterator[tuple[Kind, list[FloatArray]]]:
         """Columns of each kind of force, one value an interval of the log."""
-        position = self.table.signals.position
-        unit = self._speed / self.fastest
-        place, sense = self._place, self.table.motion.direction.mean()
-        stops = stop_operators(position, [width * np.ptp(position) for width in _WIDTHS])
-        time = np.linspace(-1.0, 1.0, unit.size)
+        unit = self.thin(self._speed) / self.fastest
         yield "drag", [np.abs(unit) * unit, unit**3]
+        place, sense = self.thin(self._place), self.sense
+        time = np.linspace(-1.0, 1.0, unit.size)
         yield "falling", [sense * np.exp(-((unit / width) ** 2)) for width in _BELLS]
         yield "place", [unit * wave for wave in _waves(place, _DAMPING_WAVES)]
         yield "position", [place, *_waves(place, _WAVES)]
-        yield "memory", [place, *((stop[1:] + stop[:-1]) / 2 for stop in stops)]
+        yield "memory", [place, *self.stops]
         yield "drift", [each * power for each in (unit, sense) for power in (time, time**2)]
 
 
@@ -264,13 +298,47 @@ class _Table:
         return float(unit @ inverse @ unit) / chance
 
 
-def friction_curve(table: Regression, delay: float) -> FrictionCurve | None:
+def follows_motion(table: Regression, delay: float) -> bool:
+    """Whether a kind of force, a lag, load or play may explain more of the rest than chance does.
+
+    A coarse look, at means over as many intervals as the filter hardly tells apart.
+    """
+    frequency, step = table.cut_off.frequency, table.signals.step
+    stride = int(_COARSE / (frequency * step))
+    if stride <= 1:
+        return True
+    forces, low_pass = _Forces(table, stride), LowPass.at(frequency, stride * step)
+    # Rows of the table in the middle of the coarse ones.
+    rows = (np.arange(forces.sense.size - 2 * low_pass.half) + low_pass.half) * stride
+    rows += stride // 2 - table.first
+    inside = (rows >= 0) & (rows < table.columns.shape[1])
+    rows = rows[inside]
+    basis = np.linalg.qr(table.columns[:, rows].T)[0]
+    left = table.force(delay)[rows]
+    left = left - basis @ (left @ basis)
+    independent = _INDEPENDENT * frequency * step * stride * rows.size
+    groups = [*(held for _, held in forces.held()), *forces.rigid(delay)]
+    for group in groups:
+        seen = low_pass(np.stack(group))[:, inside]
+        seen = unit_columns((seen - seen @ basis @ basis.T).T)[0]
+        right = left @ seen
+        part = float(right @ symmetric_inverse(seen.T @ seen, _ALIKE) @ right / (left @ left))
+        count = len(group)
+        if part > max(_HINTED, (count + _BY_CHANCE * np.sqrt(2 * count)) / independent):
+            return True
+    return False
+
+
+def friction_curve(
+    table: Regression, delay: float, *, structured: bool = True
+) -> FrictionCurve | None:
     """Kinds of friction that one log shows beyond its model; None if there is none.
 
-    The direction of motion is settled, with Coulomb friction in the model.
+    The direction of motion is settled, with Coulomb friction in the model. In a rest that is not
+    ``structured`` only drag is looked for.
     """
     forces = _Forces(table)
-    columns = forces.columns()
+    columns = forces.columns(None if structured else 1)
     answer = table.force(delay)
     every = np.concatenate((table.columns.T, *columns.values()), axis=1)
     count = len(table.columns)

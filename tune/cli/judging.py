@@ -455,9 +455,8 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     with session.progress() as say:
         advice = advise(safe, targets, say)
     table = headed_table("what to play", ("to verify", "play"))
-    table.columns[0].no_wrap, table.columns[0].overflow = True, "ellipsis"
     for each in advice:
-        table.add_row("+".join(each.elements), each.words(safe.device.motion))
+        table.add_row(" + ".join(each.elements), each.words(safe.device.motion))
     session.say(table)
     session.details["play"] = [_advice_details(each) for each in advice]
 

@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 SEED = 1
 #: Width and height in inches, and dots an inch.
 SIZE, DOTS = (7.2, 2.3), 110
+#: Colours that colour-blind readers can tell (Okabe and Ito).
+BLUE, VERMILION = "#0072B2", "#D55E00"
 #: Samples over which velocity and acceleration are differences.
 _SPAN = 10
 #: A column that varies by less is drawn as a line in the middle.
@@ -199,19 +201,19 @@ def picture_of(case: Case, good: RawLog) -> Figure:
     view = VIEWS.get(case.code, _LEFT)
     figure = Figure(figsize=SIZE, layout="constrained")
     left, right = figure.subplots(1, 2)
-    _draw(left, view, good, "as it should be")
-    _draw(right, view, case.log, case.code)
+    _draw(left, view, good, "as it should be", BLUE)
+    _draw(right, view, case.log, case.code, VERMILION)
     return figure
 
 
-def _draw(panel: Axes, view: View, log: RawLog, title: str) -> None:
+def _draw(panel: Axes, view: View, log: RawLog, title: str, color: str) -> None:
     axes: Any = panel  # its methods take what their types do not say
     abscissa, ordinate = view.points(log)
     if view.seconds is not None:
         begun = log.time[log.time.size // 4]
         shown = (abscissa >= begun) & (abscissa <= begun + view.seconds)
         abscissa, ordinate = abscissa[shown], ordinate[shown]
-    axes.plot(abscissa, ordinate, view.style, color="tab:blue", linewidth=0.8, markersize=2)
+    axes.plot(abscissa, ordinate, view.style, color=color, linewidth=0.8, markersize=2)
     axes.set(title=title, xlabel=view.abscissa, ylabel=view.ordinate)
     axes.ticklabel_format(useOffset=False)
     axes.locator_params(axis="x", nbins=5)

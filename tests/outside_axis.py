@@ -78,6 +78,12 @@ class Played:
     fastest: float
 
 
+def played_delay(delay: float, sample_time: float) -> float:
+    """The delay that is played for one wanted: whole steps of the integration, s."""
+    step = sample_time / max(1, round(sample_time / STEP))
+    return round(delay / step) * step
+
+
 def play(axis: Axis, drive: Drive, rng: np.random.Generator) -> Played:  # noqa: PLR0912
     """Run the axis from rest."""
     rows = drive.plan.size

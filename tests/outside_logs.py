@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from identification import Finding, Hardware, LogRefusedError, Trajectory, identify
-from tests.outside_axis import Axis, Body, Drive, FloatArray, Played, play
+from tests.outside_axis import Axis, Body, Drive, FloatArray, Played, play, played_delay
 
 LENGTH = 10.0  # s
 KINDS = (
@@ -257,6 +257,7 @@ def outside_log(kind: str, seed: int) -> OutsideLog:
     either = bool(rng.integers(2)) and kind != "hand"
     scene = _Scene.drawn(rng, rotary=either or kind.startswith("pendulum"))
     _change(scene, kind)
+    scene.delay = played_delay(scene.delay, scene.sample_time)
     axis, place, force = scene.axis, scene.motion, scene.plan
     limit = (6 if scene.servo else 1.5) * float(np.abs(force).max())
     rate, body = 2 * pi * scene.bandwidth, axis.body

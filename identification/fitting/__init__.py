@@ -470,6 +470,8 @@ def fit_log(
 #: A friction term smaller than its own standard deviation is left out. A higher hurdle would move
 #: mass and damping by more than their intervals where the term is real.
 _ASKED_FOR = 1.0
+#: ... by the estimate believed, or by least squares with at most this many times its deviation.
+_AS_WELL = 1.25
 #: Friction cannot be negative. Down to this many deviations below zero it is nothing but chance;
 #: below that something else is wrong, and it stays for all to see.
 _NEGATIVE_BY_CHANCE = 3.0
@@ -563,9 +565,15 @@ def _drop_noise_terms(prepared: PreparedLog, estimate: Estimate) -> Estimate:
     if model.directional:
         return estimate
 
+    regression = prepared.fit("least-squares")
+
     def is_noise(name: str, below: float) -> bool:
-        value, deviation = estimate.value(name), estimate.deviation(name)
-        return -below * deviation <= value < _ASKED_FOR * deviation
+        most = _AS_WELL * estimate.deviation(name)
+        known = [each for each in (estimate, regression) if each.deviation(name) <= most]
+        return any(
+            -below * each.deviation(name) <= each.value(name) < _ASKED_FOR * each.deviation(name)
+            for each in known
+        )
 
     reduced = replace(
         model,

@@ -202,9 +202,11 @@ class _Forces:
 
 def _waves(place: FloatArray, count: int) -> Iterator[FloatArray]:
     """Cosines and sines with 1 to ``count`` half periods from the middle to an end."""
-    for number in range(1, count + 1):
-        yield np.cos(number * np.pi * place)
-        yield np.sin(number * np.pi * place)
+    turn = wave = np.exp(1j * np.pi * place).astype(np.complex128)
+    for _ in range(count):
+        yield np.real(wave)
+        yield np.imag(wave)
+        wave = wave * turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

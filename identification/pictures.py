@@ -93,7 +93,7 @@ def _draw_over_time(
     top.plot(trajectory.time, trajectory.position, lw=1)
     top.set_ylabel(f"position, {length}")
     middle.plot(known.time, known.applied, lw=2, color="0.7", label="applied")
-    middle.plot(known.time, known.explained, lw=1, color="#009E73", label="explained by the model")
+    middle.plot(known.time, known.explained, "k--", lw=1, label="explained by the model")
     middle.set_ylabel(f"force, {force}")
     legend_above(middle)
     bottom.plot(known.time, known.left, lw=0.8, color="#D55E00")
@@ -280,7 +280,7 @@ def _draw_response(axes: Sequence[Axes], device: Device, fit: LogFit, force: str
     values = np.array([_value(device, name) for name in model.parameters])
     found = response_of(table, values, late)
     rigid = found.rigid(values)
-    lines = [("rigid model", rigid, "#009E73")]
+    lines = [("rigid model", rigid, "black")]
     if fit.dynamics is not None and (fit.dynamics.current_lag or fit.dynamics.mode):
         full = fit.dynamics.response(rigid, device.mass.value, found.frequency)
         lines.append(("with lag or mode", full, "#D55E00"))
@@ -364,7 +364,7 @@ def draw_friction(
         axes.plot(
             sense * speed,
             sense * (start + viscous * speed),
-            color="#009E73",
+            color="black",
             lw=1.5,
             label="b·q̇ + Fc·sign(q̇)" if sense > 0 else None,
         )
@@ -374,7 +374,7 @@ def draw_friction(
                 sense * speed,
                 sense * (start + slope.low * speed),
                 sense * (start + slope.high * speed),
-                color="#009E73",
+                color="#D55E00",
                 alpha=0.2,
                 lw=0,
                 label="slopes of friction" if sense > 0 else None,
@@ -431,7 +431,7 @@ class _Known:
 
 def _knowledge(device: Device, fits: Sequence[LogFit], before: Device | None) -> list[_Known]:
     """What is drawn, from top to bottom."""
-    lines = [_of_device(device, "now", "#009E73")]
+    lines = [_of_device(device, "now", "#D55E00")]
     if before is not None:
         dated = "" if before.date is None else f", {before.date}"
         lines.append(_of_device(before, f"before{dated}", "k"))

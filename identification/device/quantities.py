@@ -225,4 +225,5 @@ class Tabular:
 
         with pl.Config(tbl_rows=-1, tbl_hide_dataframe_shape=True, tbl_hide_column_data_types=True):
             table: Any = self.to_frame()
-            return f"<p>{escape(repr(self))}</p>{table._repr_html_()}"
+            cells = table._repr_html_().replace("&quot;", "")
+            return f"<p>{escape(repr(self))}</p>{cells}"

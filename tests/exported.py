@@ -18,7 +18,7 @@ FADE = 0.15
 SCENE: dict[str, Any] = {
     "elements": {
         "wall": {"stiffness": 500.0, "damping": 10.0},
-        "cup": {"mass": 1.0, "fade_time": FADE},
+        "cup": {"mass": 1.0, "damping": 30.0, "fade_time": FADE},
         "rubber": {"stiffness": 700.0},
     },
     "together": [["wall", "cup"]],

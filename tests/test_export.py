@@ -182,7 +182,7 @@ def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -
     assert cup == [0, 0, 0, 0]
     assert rubber == [1, 350, 0, 0]  # in a world twice as large
     assert limp == [0, 0]
-    assert limits == [28, 300, 10, 5]
+    assert limits == [28, 300, 40, 5]
     assert force == pytest.approx([0, -0.07, 0, 0])
     assert "NOT certified" in texts["haptune_chai3d.hpp"]
     assert {**export(tuned(), "c")}.items() <= texts.items()

@@ -89,7 +89,7 @@ def simulated(profile: SafeProfile) -> Controller:
     loop = profile.loop
     return Controller(
         stiffness=500.0,
-        damping=10.0,
+        damping=10.0 + profile.elements["cup"].damping,
         mass=profile.elements["cup"].mass,
         velocity_filter_hz=loop.velocity_filter_hz or np.inf,
         acceleration_filter_hz=loop.acceleration_filter_hz or np.inf,

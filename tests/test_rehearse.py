@@ -52,7 +52,7 @@ def test_every_moment_is_played_with_its_walls_and_its_fades() -> None:
     level = profile.elements["wall"].force_level
     wall = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0, "side": -1.0, "level": level}
     cup = {"mass": profile.elements["cup"].mass, "level": np.inf, "side": 0.0}
-    cup |= {"stiffness": 0.0, "damping": 0.0, "fade_time": FADE}
+    cup |= {"stiffness": 0.0, "damping": 30.0, "fade_time": FADE}
     rubber = {"stiffness": 700.0, "damping": 0.0, "mass": 0.0, "side": 0.0}
     rubber["level"] = profile.elements["rubber"].force_level
     played = [[wall], [cup], [rubber], [wall, cup], [wall, rubber]]

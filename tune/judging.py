@@ -250,6 +250,8 @@ def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[De
     """The gains with all the margin that can be proved, at least the one asked for."""
     for slack in (0.0, *SLACK):
         design = as_stored(design_of(replace(task, slack=slack), filters, [solved], {}))
+        # Whether gains in use are felt as such is told, and no fault of theirs.
+        design = design.model_copy(update={"perception": None})
         try:
             return design, certify(design)
         except CheckFailedError as error:
@@ -539,7 +541,9 @@ def _moved(design: SafeProfile, device: Device) -> Design:
         "perceived_steps": {},
     }
     unclaimed = {name: each.model_copy(update=bare) for name, each in design.elements.items()}
-    return design.model_copy(update={"device": as_stored(device), "elements": unclaimed})
+    return design.model_copy(
+        update={"device": as_stored(device), "elements": unclaimed, "perception": None}
+    )
 
 
 def _changes(old: Device, new: Device) -> tuple[Change, ...]:

@@ -22,7 +22,11 @@ SCENE: dict[str, Any] = {
         "rubber": {"stiffness": 700.0},
     },
     "together": [["wall", "cup"]],
-    "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+    "loop": {
+        "velocity_filter_hz": 50.0,
+        "acceleration_filter_hz": 30.0,
+        "filter_damping_ratio": 0.5,
+    },
 }
 
 STEP = 1e-3

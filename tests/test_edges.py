@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from scipy.optimize import brentq
 from scipy.stats import chi2, norm
 
 from identification import Device, load_device, round_to_digits, to_mapping, to_yaml
@@ -382,11 +383,11 @@ def felt(law: Callable[[Array], Complex], hertz: float) -> complex:
 
 def damping_of_a_mass() -> Edge:
     """A damping of the device that a mass makes greater by a Weber fraction."""
-    reach = 10.0 * PERCEPTION["damping"] / felt(acceleration, 5.0).real
+    reach = 10.0 * PERCEPTION["damping"] / felt(fast, 5.0).real
     return Edge(
         "of damping where 0 is asked for",
         lambda part: design(
-            {"a": element(0.0, 0.0, part * reach)}, loop=FILTERS, perception=PERCEPTION
+            {"a": element(0.0, 0.0, part * reach)}, loop=FAST, perception=PERCEPTION
         ),
     )
 
@@ -394,10 +395,10 @@ def damping_of_a_mass() -> Edge:
 def faint_damping_of_a_mass() -> Edge:
     """One force just noticed, where that is more than a Weber fraction of what the device has."""
     dull = PERCEPTION | {"threshold": 4.0}
-    reach = 4.0 / 0.2 / felt(acceleration, 5.0).real
+    reach = 4.0 / 0.2 / felt(fast, 5.0).real
     return Edge(
         "of damping where 0 is asked for",
-        lambda part: design({"a": element(0.0, 0.0, part * reach)}, loop=FILTERS, perception=dull),
+        lambda part: design({"a": element(0.0, 0.0, part * reach)}, loop=FAST, perception=dull),
     )
 
 
@@ -408,6 +409,109 @@ def mass_of_a_damper() -> Edge:
     return Edge(
         "of mass where 0 is asked for",
         lambda part: design({"a": element(0.0, part * reach)}, loop=FILTERS, perception=PERCEPTION),
+    )
+
+
+#: Filters with which a mass lags little, and the estimate of acceleration over position.
+FAST = {"velocity_filter_hz": 200.0, "acceleration_filter_hz": 30.0}
+
+
+def fast(theta: Array) -> Complex:
+    return estimate(theta, 30.0, 2, 2)
+
+
+def estimate(theta: Array, hertz: float, power: int, poles: int, *, leads: bool = False) -> Complex:
+    """A derivative over position: equal poles behind differences, carried on by its lag or not."""
+    z, pole = np.exp(1j * theta), np.exp(-2 * np.pi * hertz * STEP)
+    lag = poles * pole / (1 - pole) + power / 2 if leads else 0.0
+    filtered = ((1 - pole) / (1 - pole / z)) ** poles * (1 + lag * (1 - 1 / z))
+    return ((1 - 1 / z) / STEP) ** power * filtered
+
+
+def felt_edge(
+    words: str,
+    hertz: float,
+    sizes: Callable[[float], tuple[float, float]],
+    used: Callable[[Array, Array, Array, float, float], float],
+    *,
+    leads: bool = False,
+) -> Edge:
+    """Where (damping, mass), as they grow from half to twice, use all of a limit on what is felt.
+
+    ``used`` is told Hz, mass and damping felt, damping and mass asked for; 0 where all is used.
+    """
+    places = np.unique([*np.geomspace(0.5, 5, 60), *np.geomspace(5, 20, 60)])
+    poles = 4 if leads else 2
+    laws = [
+        np.array([felt(law, hz) for hz in places.tolist()])
+        for law in (
+            lambda theta: estimate(theta, 200.0, 1, 1),
+            lambda theta: estimate(theta, hertz, 2, poles, leads=leads),
+        )
+    ]
+
+    def beyond(part: float) -> float:
+        damping, mass = sizes(part)
+        whole = damping * laws[0] + mass * laws[1]
+        return used(places, whole.imag / (2 * np.pi * places), whole.real, damping, mass)
+
+    reach = float(brentq(beyond, 0.5, 2.0, xtol=1e-14))
+    filters: dict[str, Any] = FAST | {"acceleration_filter_hz": hertz}
+    filters |= {"acceleration_filter": "tracking", "acceleration_filter_order": 4} if leads else {}
+    return Edge(
+        words,
+        lambda part: design(
+            {"a": element(0.0, *sizes(part * reach))},
+            loop=filters,
+            perception=PERCEPTION,
+        ),
+    )
+
+
+def mass_within_a_factor() -> Edge:
+    """A damper that takes a sixth of a mass."""
+    return felt_edge(
+        "a factor of 1.2 is allowed",
+        60.0,
+        lambda part: (60.0 * part, 1.2),
+        lambda hz, mass, _, __, asked: 1 / 1.2 - float(mass[hz <= 5].min()) / asked,
+    )
+
+
+def mass_beyond_the_motions() -> Edge:
+    """A damper that takes all of what a filter leaves of a mass at 20 Hz."""
+    return felt_edge(
+        "from none to twice of it is allowed",
+        25.0,
+        lambda part: (2.0 * part, 0.25),
+        lambda _, mass, __, ___, ____: -float(mass.min()),
+    )
+
+
+def damping_taken_away_beyond() -> Edge:
+    """A negative mass that at 20 Hz takes more damping than device and damper have."""
+    return felt_edge(
+        "with the device's own it takes none away",
+        24.0,
+        lambda part: (40.0, -0.5 * part),
+        lambda _, __, damping, ___, ____: -10.0 - float(damping.min()),
+    )
+
+
+def parasitic_damping_beyond() -> Edge:
+    """A mass whose tracking filter, with little lag at 5 Hz, gives much damping at 15."""
+
+    def used(hz: Array, _: Array, damping: Array, asked: float, mass: float) -> float:
+        far = hz > 5
+        rest = 10.0 + damping[far] - mass * 2 * np.pi * hz[far]
+        return float(rest.max() / (10.0 + asked)) - 1 - PERCEPTION["damping"]
+
+    return felt_edge(
+        "1 step and the impedance of the mass are allowed",
+        30.0,
+        lambda part: (8.0, 0.2 * part),
+        used,
+        leads=True,
     )
 
 
@@ -591,6 +695,10 @@ EDGES: dict[str, Callable[[], Edge]] = {
             damping_of_a_mass,
             faint_damping_of_a_mass,
             mass_of_a_damper,
+            mass_within_a_factor,
+            mass_beyond_the_motions,
+            damping_taken_away_beyond,
+            parasitic_damping_beyond,
             wall_alone,
             damper_beside_a_wall,
             spring_beside_a_wall,
@@ -727,8 +835,8 @@ LARGEST: dict[str, tuple[dict[str, Any], float, Callable[[Any], float]]] = {
     "ripple": ({"damping": "max", "speed": 0.01}, AXIS.damping, lambda _: loud_damping(0.05)),
     "rendering": (
         {"mass": "max"},
-        60.0,
-        lambda table: 60.0 * table.damping / felt(acceleration, 5.0).real,
+        35.0,
+        lambda table: 35.0 * table.damping / felt(fast, 5.0).real,
     ),
 }
 
@@ -737,7 +845,8 @@ LARGEST: dict[str, tuple[dict[str, Any], float, Callable[[Any], float]]] = {
 def test_the_tuner_goes_to_the_edge_and_not_beyond(word: str) -> None:
     """With the margin that is called conservative: gain 3, two samples late."""
     wanted, damping, largest = LARGEST[word]
-    scene = {"elements": {"a": wanted}, "loop": FILTERS, "margin": "conservative"}
+    loop = FAST if word == "rendering" else FILTERS
+    scene = {"elements": {"a": wanted}, "loop": loop, "margin": "conservative"}
     profile = optimise(
         Device.model_validate(STATED_AXIS | {"damping": damping}),
         Scene.model_validate(scene | {"ripple_limit": 0.05}),
@@ -782,6 +891,10 @@ def test_an_audit_tells_what_is_just_beyond_a_limit(name: str) -> None:
     assert not word & faults(1 - OFF)
 
 
+#: A pair of poles with which a mass lags little.
+PAIRED = {"filter_damping_ratio": 0.5}
+
+
 @cache
 def content() -> dict[str, Any]:
     """A profile with a wall, its lead just reached, and a cup."""
@@ -789,7 +902,7 @@ def content() -> dict[str, Any]:
         "wall": {"stiffness": 15000.0, "damping": "max", "one_sided": True},
         "cup": {"mass": "max", "damping": 30.0},
     }
-    loop = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 25.0}
+    loop = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 25.0} | PAIRED
     wanted = Scene.model_validate({"elements": elements, "loop": loop})
     return to_mapping(optimise(load_device("homerehab"), wanted))
 
@@ -940,7 +1053,7 @@ def several() -> dict[str, Any]:
             "elements": elements,
             "together": [["spring", "water"]],
             "apart": [["wall", "spring"], ["wall", "cup"]],
-            "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
+            "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0} | PAIRED,
         }
     )
     return to_mapping(optimise(load_device("homerehab"), scene))

@@ -126,6 +126,7 @@ def test_the_simulator_plays_what_the_guard_plays(tmp_path: Path) -> None:
     controller = Controller(
         velocity_filter_hz=50.0,
         acceleration_filter_hz=30.0,
+        filter_damping_ratio=profile.loop.filter_damping_ratio,
         beside=tuple(beside),
         calls=Calls(entrance=0.001, taps=7),
     )

@@ -189,7 +189,10 @@ def test_a_hand_that_is_slow_feels_less_of_a_damper() -> None:
 def _tuned(**element: Any) -> SafeProfile:
     scene = {
         "elements": {"it": element},
-        "loop": {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 20.0},
+        "loop": {
+            "velocity_filter_hz": 200.0 if "mass" in element else 60.0,
+            "acceleration_filter_hz": 40.0,
+        },
     }
     return optimise(load_device("stylus"), Scene.model_validate(scene))
 

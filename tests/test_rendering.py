@@ -218,6 +218,7 @@ def _tuned() -> SafeProfile:
         "cup": {"mass": 1.0, "damping": 30.0},
     }
     filters = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
+    filters |= {"filter_damping_ratio": 0.5}
     scene = Scene.model_validate({"elements": elements, "loop": filters})
     return optimise(load_device("homerehab"), scene)
 
@@ -321,20 +322,21 @@ def test_a_hand_that_shakes_a_simulated_device_feels_what_the_profile_says(
         felt = _felt_by_experiment(law, turn / 2 / np.pi, sizes)
         said = element.rendered
         assert said is not None
-        np.testing.assert_allclose(said.damping_at_ends, felt.real, rtol=3e-4)
+        np.testing.assert_allclose(said.damping_at_ends, felt.real, rtol=5e-4)
         if name == "cup":
-            np.testing.assert_allclose(said.mass_at_ends, felt.imag / turn, rtol=3e-4)
+            np.testing.assert_allclose(said.mass_at_ends, felt.imag / turn, rtol=5e-4)
 
 
-def test_wanted_values_are_met_as_commanded_and_reported_as_felt() -> None:
+def test_wanted_values_are_met_and_reported_as_felt() -> None:
     device = load_device("homerehab")
     scene = Scene.model_validate(
         {
             "elements": {
-                "cup": {"mass": 1.0, "damping": 80.0},
+                "cup": {"mass": 1.0, "damping": 30.0},
                 "rail": {"stiffness": 800.0, "damping": 10.0},
             },
-            "loop": {"velocity_filter_hz": 30.0, "acceleration_filter_hz": 20.0},
+            "loop": {"velocity_filter_hz": 200.0, "acceleration_filter_hz": 40.0},
+            "ripple_limit": 1.0,
         }
     )
     profile = optimise(device, scene)
@@ -344,23 +346,24 @@ def test_wanted_values_are_met_as_commanded_and_reported_as_felt() -> None:
     assert rail.damping == 10.0
     assert cup.rendered is not None
     assert rail.rendered is not None
-    # What the damper takes away from the mass is that of the rail's, eight times.
+    # What the damper takes away from the mass is that of the rail's, three times.
     own = [
-        whole - 8 * taken
+        whole - 3 * taken
         for whole, taken in zip(
             (cup.rendered.mass, *cup.rendered.mass_at_ends),
             (rail.rendered.mass, *rail.rendered.mass_at_ends),
             strict=True,
         )
     ]
-    # (1-x²)/(1+x²)² of a mass through two poles, x = f/20 Hz; delay and hold take a little more.
+    # (1-x²)/(1+x²)² of a mass through two poles, x = f/40 Hz; delay and hold take a little more.
     assert own[1] == pytest.approx(1.0, abs=0.005)
-    assert own[2] == pytest.approx((1 - 1 / 16) / (1 + 1 / 16) ** 2, abs=0.04)
+    assert own[2] == pytest.approx((1 - 1 / 64) / (1 + 1 / 64) ** 2, abs=0.04)
     assert cup.perceived_steps["mass"] == pytest.approx(
         np.log1p(own[0] / 3.0) / np.log1p(0.225), rel=2e-3
     )
-    assert cup.perceived_steps["mass"] < 0.99 * np.log1p(1 / 3) / np.log1p(0.225)
+    assert cup.perceived_steps["mass"] < 0.995 * np.log1p(1 / 3) / np.log1p(0.225)
     assert cup.rendered.damping > 1
-    # The spring takes about K·1.5 ms of damping, the damper about B·(1/(2π·30) + 2 ms) of mass.
+    # The spring takes about K·1.5 ms of damping, the damper B·(lag of its pole + 2 ms) of mass.
     assert rail.rendered.damping == pytest.approx(10.0 - 800 * 0.0015, abs=0.15)
-    assert rail.rendered.mass == pytest.approx(-10 * (1 / (2 * np.pi * 30) + 0.002), rel=0.1)
+    late = 0.001 / np.expm1(2 * np.pi * 200 * 0.001) + 0.002
+    assert rail.rendered.mass == pytest.approx(-10 * late, rel=0.01)

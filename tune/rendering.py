@@ -48,6 +48,17 @@ ComplexArray = NDArray[np.complex128]
 #: Hz. Voluntary movements of the arm and hand lie between these; what is slower is felt as the
 #: spring and friction, what is faster as vibration.
 SLOWEST, FASTEST = 0.5, 5.0
+#: Hz. Up to here a mass still has to be felt as one and a damper may not pump, docs/tuning.md.
+BEYOND = 20.0
+#: Hz, in equal ratios: where what is felt is bound, in the motions and beyond; an extreme between
+#: two of them is off by less than 0.3 % of what it may be. And where it is told.
+PLACES: FloatArray = np.concatenate(
+    [np.geomspace(SLOWEST, FASTEST, 33), np.geomspace(FASTEST, BEYOND, 17)]
+)
+IN_MOTION: NDArray[np.bool_] = np.arange(PLACES.size) < 33
+_TOLD: FloatArray = np.concatenate(
+    [np.geomspace(SLOWEST, FASTEST, 801), np.geomspace(FASTEST, BEYOND, 401)]
+)
 #: Gauss-Lobatto nodes on the logarithm of frequency, the ends among them. Means are right to 1e-12
 #: with well damped filters above 5 Hz and to 1e-5 with the sharpest resonance in band.
 NODES = 65
@@ -64,11 +75,10 @@ class Impedances(NamedTuple):
 
 
 class Band(NamedTuple):
-    """A quantity over the motions people make: mean over the logarithm of frequency, and ends."""
+    """A quantity over frequency: its mean over the logarithm in motions, and at all `PLACES`."""
 
     mean: float
-    slowest: float
-    fastest: float
+    places: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,39 +148,50 @@ def rendered_mass_and_damping(
     """The apparent mass and damping that an element adds to the device."""
     shares = Shares.of(device, filters)
 
-    def band(*parts: tuple[float, Band]) -> tuple[float, tuple[float, float]]:
-        mean, slow, fast = (
-            round_to_digits(
-                sum(size * getattr(share, name) for size, share in parts if size), _DIGITS
-            )
-            for name in ("mean", "slowest", "fastest")
-        )
-        return mean, (slow, fast)
-
-    apparent_mass, mass_at_ends = band((mass, shares.mass), (damping, shares.mass_of_damping))
-    apparent_damping, damping_at_ends = band(
-        (damping, shares.damping),
-        (mass, shares.damping_of_mass),
-        (stiffness, shares.damping_of_stiffness),
+    lag = device.current_lag
+    told = impedances(
+        filters,
+        _TOLD,
+        sample_time=device.sample_time.value,
+        delay=device.delay.value,
+        current_lag=0.0 if lag is None else lag.value,
     )
-    return Rendered(
-        mass=apparent_mass,
-        mass_at_ends=mass_at_ends,
-        damping=apparent_damping,
-        damping_at_ends=damping_at_ends,
-    )
+    moving = damping * told.damping + mass * told.mass
+    means = {
+        "mass": mass * shares.mass.mean + damping * shares.mass_of_damping.mean,
+        "damping": damping * shares.damping.mean
+        + mass * shares.damping_of_mass.mean
+        + stiffness * shares.damping_of_stiffness.mean,
+    }
+    felt = {
+        "mass": moving.imag / (2 * np.pi * _TOLD),
+        "damping": (moving + stiffness * told.stiffness).real,
+    }
+    found: dict[str, Any] = {}
+    for name, values in felt.items():
+        motion, beyond = values[_TOLD <= FASTEST][:801], values[800:]
+        pairs = {
+            "at_ends": (motion[0], motion[-1]),
+            "in_motion": (motion.min(), motion.max()),
+            "beyond": (beyond.min(), beyond.max()),
+        }
+        found[name] = round_to_digits(float(means[name]), _DIGITS)
+        for end, pair in pairs.items():
+            found[f"{name}_{end}"] = tuple(round_to_digits(float(x), _DIGITS) for x in pair)
+    return Rendered(**found)
 
 
 @lru_cache(maxsize=1024)
 def _shares(filters: Filters, sample_time: float, delay: float, current_lag: float) -> Shares:
-    frequency, weights = _nodes()
+    nodes, weights = _nodes()
+    frequency = np.concatenate([nodes, PLACES])
     unit = impedances(
         filters, frequency, sample_time=sample_time, delay=delay, current_lag=current_lag
     )
     turn = 2 * np.pi * frequency
 
     def band(values: FloatArray) -> Band:
-        return Band(float(weights @ values), float(values[0]), float(values[-1]))
+        return Band(float(weights @ values[:NODES]), values[NODES:])
 
     return Shares(
         mass=band(unit.mass.imag / turn),

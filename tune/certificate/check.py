@@ -329,12 +329,12 @@ def inconsistent(design: Design, name: str) -> Iterator[str]:
     yield from _wrong_margins(design, name)
     yield from _wrong_play(name, element)
     felt = element.rendered
-    if felt is None:
+    if felt is None or felt.mass_in_motion is None:
         yield f"{name}: rendered is missing. Tune again"
-    elif not element.acting and any(
-        (felt.mass, felt.damping, *felt.mass_at_ends, *felt.damping_at_ends)
-    ):
+    elif not element.acting and any(map(np.any, dict(felt).values())):
         yield f"{name}: rendered says that something is felt, but no effect acts"
+    if not element.acting and element.force_level:
+        yield f"{name}: force_level says {element.force_level:.6g} N, but no effect acts"
 
 
 def _element_failures(design: Design, name: str) -> Iterator[str]:

@@ -36,8 +36,10 @@ _WHOLE = 1e-6
 _STEPS = 9
 #: Hz, between which people move; means are over the logarithm.
 _SLOWEST, _FASTEST = 0.5, 5.0
-#: Points of Simpson's rule between them, an odd number.
-_POINTS = 2001
+#: Points of Simpson's rule between them, an odd number; and on to the end of what is bound, Hz.
+_POINTS, _FARTHER, _FARTHEST = 2001, 1200, 20.0
+#: Mass is felt within this factor of what is commanded.
+_ALIKE = 1.2
 #: A device without damping is given this part of its mass over a second to compare with.
 _FOOT = 0.01
 #: Less felt of an effect than this part of it counts as this.
@@ -241,23 +243,44 @@ def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]
 
 
 def excess_over_request(design: Design, name: str, setting: Setting) -> list[str]:
-    """Mass and damping felt as more than a step from what is asked for; a wall asks for nothing."""
+    """Mass and damping felt as something else than what is asked for; a wall asks for nothing."""
     element, table = design.elements[name], design.perception
     if table is None or element.one_sided:
         return []
-    impedance = _impedances(design, setting)
+    felt, hertz = _felt(_impedances(design, setting)), _turns() / (2 * np.pi)
     failures: list[str] = []
-    for effect, values in _felt(impedance).items():
-        own, asked = _reference(design, table, effect), float(getattr(element, effect))
-        for place, frequency in ((0, _SLOWEST), (-1, _FASTEST)):
-            seen = float(values[place])
-            steps = _steps_between(design, element, effect, own + asked, own + seen)
-            if not steps <= 1:
-                failures.append(
-                    f"{name}: at {frequency:g} Hz a hand feels {seen:.4g} of {effect} where "
-                    f"{asked:.4g} is asked for, {steps:.3g} steps from it beside the {own:.4g} of "
-                    "the device, where 1 is allowed; ask for less, or filter less, and tune again"
-                )
+    asked = {"mass": element.mass, "damping": element.damping}
+    slow = hertz <= _FASTEST
+
+    def refuse(effect: str, beyond: FloatArray, needed: str) -> None:
+        place = int(np.argmax(beyond))
+        if not beyond[place] <= 0:
+            failures.append(
+                f"{name}: at {hertz[place]:.3g} Hz a hand feels {felt[effect][place]:.4g} of "
+                f"{effect} where {asked[effect]:.4g} is asked for; {needed}; ask for less, or "
+                "filter less, and tune again"
+            )
+
+    for effect, values in felt.items():
+        own = _reference(design, table, effect)
+        heights = [_height(design, element, effect, own + float(each)) for each in values]
+        steps = np.array(heights) - _height(design, element, effect, own + asked[effect])
+        apart = np.where(slow, np.abs(steps) - 1, -1.0)
+        if effect == "damping":
+            refuse(effect, apart, "1 step from it is allowed")
+            refuse(effect, -own - values, "with the device's own it takes none away")
+            # What is parasitic up to the impedance of the mass is not counted beyond the motions.
+            least = np.where(slow, 0.0, abs(element.mass) * _turns())
+            rest = [_height(design, element, effect, own + float(x)) for x in values - least]
+            further = np.array(rest) - _height(design, element, effect, own + asked[effect]) - 1
+            refuse(effect, further, "1 step and the impedance of the mass are allowed")
+        elif element.mass:
+            share = values / element.mass
+            within = np.maximum(share - _ALIKE, 1 / _ALIKE - share)
+            refuse(effect, np.where(slow, within, -1.0), f"a factor of {_ALIKE:g} is allowed")
+            refuse(effect, np.maximum(share - 2, -share), "from none to twice of it is allowed")
+        else:
+            refuse(effect, apart, "1 step from it is allowed")
     return failures
 
 
@@ -269,15 +292,17 @@ def _impedances(design: Design, setting: Setting) -> dict[str, ComplexArray]:
 
 
 def _turns() -> FloatArray:
-    """Angular frequencies of the motions, rad/s."""
-    return 2 * np.pi * np.geomspace(_SLOWEST, _FASTEST, _POINTS)
+    """Angular frequencies of the motions, and beyond, rad/s."""
+    motions = np.geomspace(_SLOWEST, _FASTEST, _POINTS)
+    beyond = np.geomspace(_FASTEST, _FARTHEST, _FARTHER + 1)[1:]
+    return 2 * np.pi * np.concatenate([motions, beyond])
 
 
 def _mean(values: FloatArray) -> float:
-    """Over the logarithm of frequency, by Simpson's rule."""
+    """Over the logarithm of frequency in motions, by Simpson's rule."""
     weights = np.full(_POINTS, 2.0)
     weights[1::2], weights[[0, -1]] = 4.0, 1.0
-    return float(weights @ values / np.sum(weights))
+    return float(weights @ values[:_POINTS] / np.sum(weights))
 
 
 def _impedance(design: Design, setting: Setting) -> ComplexArray:
@@ -289,7 +314,7 @@ def _impedance(design: Design, setting: Setting) -> ComplexArray:
         top = law.numerator * arb_poly([-1, 1]) if law.vanishes else law.numerator
         numerator, denominator = shift_to_one(top), shift_to_one(law.denominator)
     if not numerator.size:
-        return np.zeros(_POINTS, dtype=np.complex128)
+        return np.zeros(turn.size, dtype=np.complex128)
     away = np.expm1(1j * turn * step)
     command = np.polyval(numerator, away) / np.polyval(denominator, away)
     held = -np.expm1(-1j * turn * step) / (1j * turn * step)
@@ -311,12 +336,19 @@ def _rendered(
     said = element.rendered
     if said is None:
         return
-    at_ends = {"mass": said.mass_at_ends, "damping": said.damping_at_ends}
     for claim, values in _felt(impedance).items():
-        size = float(np.max(np.abs(values)))
+        motion, beyond = values[:_POINTS], values[_POINTS - 1 :]
+        size = float(np.max(np.abs(motion)))
         yield f"rendered.{claim}", getattr(said, claim), _mean(values), size
-        for end, place in zip(at_ends[claim], (0, -1), strict=True):
-            yield f"rendered.{claim}_at_ends", end, float(values[place]), size
+        for kind, pair in (
+            ("at_ends", (motion[0], motion[-1])),
+            ("in_motion", (motion.min(), motion.max())),
+            ("beyond", (beyond.min(), beyond.max())),
+        ):
+            stated = getattr(said, f"{claim}_{kind}") or (np.nan, np.nan)
+            for one, other in zip(stated, map(float, pair), strict=True):
+                least = abs(other) if kind == "beyond" else size
+                yield f"rendered.{claim}_{kind}", one, other, least
 
 
 def _steps(

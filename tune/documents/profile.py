@@ -340,19 +340,28 @@ class Rendered(Document):
     """What a hand feels of one element at 0.5 to 5 Hz, beside the device's own mass and damping.
 
     Means over the logarithm of frequency, of all that the element plays: filters and delay turn
-    part of a mass into damping, and let a damper take mass away and a spring damping.
+    part of a mass into damping, and let a damper take mass away and a spring damping. Least and
+    largest are None in profiles written before they were computed, which `check` refuses.
 
     Attributes:
         mass: apparent mass, kg (kg·m²).
         damping: apparent damping, N·s/m (N·m·s/rad).
         mass_at_ends: at 0.5 and at 5 Hz.
         damping_at_ends: likewise.
+        mass_in_motion: least and largest from 0.5 to 5 Hz.
+        damping_in_motion: likewise.
+        mass_beyond: least and largest from 5 to 20 Hz.
+        damping_beyond: likewise.
     """
 
     mass: float
     damping: float
     mass_at_ends: tuple[float, float]
     damping_at_ends: tuple[float, float]
+    mass_in_motion: tuple[float, float] | None = None
+    damping_in_motion: tuple[float, float] | None = None
+    mass_beyond: tuple[float, float] | None = None
+    damping_beyond: tuple[float, float] | None = None
 
 
 class Contact(Document):

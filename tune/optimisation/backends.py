@@ -49,6 +49,10 @@ _KEPT = 1e-9
 _DEEP, _STUCK = 0.02, 1e-2
 
 
+#: What a row without any use of its limit uses, so that it has a logarithm.
+_NOTHING = 1e-30
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Structure:
     """What decides the shape of the graph; equal structures share compiled functions of (y, p).
@@ -60,7 +64,7 @@ class _Structure:
         shapes: (degree, scenarios, position bound by device or hand) of the loops.
         laws: degree of the control law, for the ripple; 0 without an encoder.
         bound: the device's own force by position binds it, hand off.
-        linear: rows without and with coefficients of either sign.
+        linear: rows.
         felt: limits on what is felt that are no rows.
     """
 
@@ -71,7 +75,7 @@ class _Structure:
     shapes: tuple[tuple[int, int, bool], ...]
     laws: int
     bound: bool
-    linear: tuple[int, int]
+    linear: int
     felt: int
 
     @property
@@ -155,7 +159,7 @@ def _graph(structure: _Structure) -> _Graph:
         return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
 
     sizes = [ca.exp(y[i]) for i in range(count)]
-    scales, rows = take(count, 3), take(sum(structure.linear), count)
+    scales, rows = take(count, 3), take(structure.linear, count)
     factors, felt = take(len(structure.ratios)), take(structure.felt, 4 + 2 * count)
     product_of_steps: Any = 0
     for i, (sign, size, scale) in enumerate(zip(structure.signs, sizes, scales, strict=True)):
@@ -183,10 +187,12 @@ def _graph(structure: _Structure) -> _Graph:
                 coefficients = _polynomial(table[:, :, corner], total, drop=not grounded)
                 routh += [-c for c in coefficients]
                 routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
-    for place, row in enumerate(rows):
-        used: Any = sum(size * part for size, part in zip(sizes, row, strict=True))
-        # In logarithms nearly linear, where a row has them.
-        constraints.append(used.log() if place < structure.linear[0] else used - 1)
+    for row in rows:
+        # What uses the limit against what makes room, in logarithms nearly linear.
+        parts: Any = list(zip(sizes, row, strict=True))
+        used: Any = sum((size * ca.fmax(part, 0.0) for size, part in parts), _NOTHING)
+        room: Any = sum((size * ca.fmax(-part, 0.0) for size, part in parts), 1.0)
+        constraints.append(used.log() - room.log())
     constraints += [
         factor.log() + y[i] - y[j] for (i, j), factor in zip(structure.ratios, factors, strict=True)
     ]
@@ -266,9 +272,7 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     late = problem.loops.late
     shown = [(loop, chosen) for loop, chosen in zip(late, columns, strict=True) if chosen]
     ripple = limits.encoder_resolution is not None
-    rows = problem.linear.rows * (1 + _INSIDE)
-    either = np.any(rows < 0, axis=1)
-    rows = np.concatenate([rows[~either], rows[either]])
+    rows = problem.linear.rows[problem.linear.shown] * (1 + _INSIDE)
     structure = _Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
         moments=tuple(moment.members for moment in problem.moments),
@@ -277,13 +281,14 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         shapes=tuple((loop.degree, len(chosen), loop.grounded) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,
         bound=problem.loops.nominal.grounded,
-        linear=(int(np.sum(~either)), int(np.sum(either))),
-        felt=len(problem.linear.felt),
+        linear=len(rows),
+        felt=sum(one.telling.size for one in problem.linear.felt),
     )
     scales = np.array([unknown.scale.parts for unknown in problem.unknowns])
     felt = [
-        [one.per_step * (1 + _INSIDE), *one.scale.parts, *one.given, *one.asked]
+        [one.per_step * (1 + _INSIDE), *one.scale.parts, *given, *one.asked]
         for one in problem.linear.felt
+        for given in one.given[one.telling]
     ]
     gain = problem.margin.gain * (1 + _INSIDE)
     factors = np.array([factor for _, _, factor in problem.linear.ratios]) * (1 + _INSIDE)

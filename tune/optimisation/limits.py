@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from tune.documents.perception import Scale
 from tune.documents.scene import EffectName, Wish
 from tune.loop.loop import Loop
-from tune.rendering import Band, Shares
+from tune.rendering import IN_MOTION, PLACES, Band, Shares
 from tune.stability.verdict import stability_limits
 
 ComplexArray = NDArray[np.complex128]
@@ -35,10 +36,12 @@ _Table = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 _LinearWord = Literal["force", "rendering", "lead"]
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
 _OF_A_STEP = 0.997
+#: Mass is felt within this factor of what is commanded, docs/tuning.md; part of it kept to be sure.
+_ALIKE, _KEPT = 1.2, 2e-3
+#: Sizes over the least, in proportions of which rows are told apart for solvers.
+_DIRECTIONS = (0.0, 1.0, 16.0)
 #: Newton's method ends where it moves by less, relative.
 _SAME = 1e-14
-#: N: an actuator without any force is taken to have this much.
-_NO_FORCE = 1e-30
 #: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
 #: these parts of the way from the least to the most.
 _WALLS, _STIFFEST, _BETWEEN = 64, 1e6, (0.05, 0.5, 0.95)
@@ -105,18 +108,20 @@ class Unknown:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rendering:
-    """One end of the step within which an element's mass or damping is felt.
+    """One end of the step within which an element's mass or damping is felt, at some frequencies.
 
-    At both ends of the motions people make, parasitic parts included (docs/theory.md, 8): with κ
-    of a mass, ν of a damper and so on, m + κM + νB lies within a step of m + M and b + κ'B + ρM +
-    ηK of b + B. Where steps are ratios this is linear in the sizes.
+    Parasitic parts are included (docs/theory.md, 8): with κ of a mass, ν of a damper and so on,
+    m + κM + νB lies within a step of m + M and b + κ'B + ρM + ηK of b + B. Where steps are ratios
+    this is linear in the sizes.
 
     Attributes:
         scale: of what is felt.
         least: total that may be asked for, with the device's own.
-        given: what each size is felt as, shape (unknowns,), no unit or that of one over another.
+        given: what each size is felt as, shape (frequencies, unknowns), no unit or that of one
+            over another.
         asked: what each size asks for, shape (unknowns,), likewise.
         sign: 1 of the upper end, -1 of the lower.
+        telling: frequencies that solvers are shown.
     """
 
     scale: Scale
@@ -124,6 +129,7 @@ class Rendering:
     given: FloatArray
     asked: FloatArray
     sign: int
+    telling: NDArray[np.intp]
 
     @property
     def bent(self) -> bool:
@@ -141,12 +147,12 @@ class Rendering:
         return self.sign / (_OF_A_STEP * float(np.log1p(self.scale.weber)))
 
     def used(self, sizes: FloatArray) -> FloatArray:
-        """What sizes of shape (unknowns, ...) use of it, 1 is all."""
+        """What sizes of shape (unknowns, ...) use of it, 1 is all: shape (frequencies, ...)."""
         felt, asked = (np.tensordot(part, sizes, axes=1) for part in (self.given, self.asked))
         return self.per_step * (self.scale.height(felt) - self.scale.height(asked))
 
-    def row(self, asked: float) -> FloatArray:
-        """The tangent where so much is asked for, as the a of a·sizes <= 1.
+    def rows(self, asked: float) -> FloatArray:
+        """The tangents where so much is asked for, as every a of a·sizes <= 1.
 
         What one step reaches upwards is convex in what is asked for, what it reaches downwards is
         concave: what a tangent allows is allowed.
@@ -159,17 +165,41 @@ class Rendering:
 
     def bound(self, sizes: FloatArray, index: int) -> float:
         """How large one size may be beside the others, by Newton's method from zero; inf if any."""
-        felt, asked = float(self.given[index]), float(self.asked[index])
+        asked = float(self.asked[index])
         far = np.exp(1 / self.per_step) if asked > 0 else 1.0
-        if self.sign * (felt - far * asked) <= 0:
+        binding = self.sign * (self.given[:, index] - far * asked) > 0
+        if not binding.any():
             return np.inf
         rest = sizes.copy()
         rest[index] = 0.0
-        most, before = 0.0, -1.0
-        while most > before * (1 + _SAME):
-            row, before = self.row(float(self.asked @ rest) + asked * most), most
-            most = max(most, float((1 - row @ rest) / row[index]))
-        return most
+        most, before = np.zeros(int(binding.sum())), -1.0
+        while np.any(most > before * (1 + _SAME)):
+            before = most
+            tangents = [self.rows(float(self.asked @ rest) + asked * each) for each in most]
+            rows = np.array([each[binding][i] for i, each in enumerate(tangents)])
+            most = np.maximum(most, (1 - rows @ rest) / rows[:, index])
+        return float(most.min())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proportion:
+    """Rows a·sizes <= 1; they say nothing where the mass of this number, if any, is not there."""
+
+    rows: FloatArray
+    telling: NDArray[np.intp]
+    mass: int = -1
+
+
+def _telling(rows: FloatArray, units: FloatArray) -> NDArray[np.intp]:
+    """Rows that are the largest in one of some directions of the sizes, whose units these are.
+
+    As many for all filters, so some may be there twice.
+    """
+    there = np.flatnonzero(units)
+    ratios = np.array(list(product(_DIRECTIONS, repeat=there.size)))
+    least = np.where(ratios > 0, ratios, np.inf).min(axis=1, initial=np.inf)
+    directions = ratios[least == 1] * units[there]
+    return np.argmax(rows[:, there] @ directions.T, axis=0)
 
 
 def renderings(
@@ -177,11 +207,15 @@ def renderings(
     shares: Shares,
     scale: Callable[[str, EffectName], Scale],
     walls: Collection[str],
-) -> Iterator[Rendering]:
-    """Mass and damping felt of every element against what it asks for, at both ends.
+) -> Iterator[Rendering | Proportion]:
+    """Mass and damping felt of every element against what it asks for, as limits or as rows.
 
+    In motions damping within one step and mass within a factor `_ALIKE`, or a step where none is
+    asked for. Beyond, mass from none to twice of it, no negative damping with the device's own, and
+    of parasitic damping no more than a step and the mass's own impedance (docs/theory.md, 8).
     Nobody moves in a wall, which asks for nothing of it; the profile says what is felt of one.
     """
+    turn = 2 * np.pi * PLACES
     adds: dict[EffectName, dict[EffectName, Band]] = {
         "mass": {"mass": shares.mass, "damping": shares.mass_of_damping},
         "damping": {
@@ -191,18 +225,51 @@ def renderings(
         },
     }
     for name in dict.fromkeys(u.element for u in unknowns if u.element not in walls):
+        mine = [(i, u) for i, u in enumerate(unknowns) if u.element == name]
+        mass = next((i for i, u in mine if u.effect == "mass"), None)
         for felt, parts in adds.items():
             own = scale(name, felt)
-            less = [u.high for u in unknowns if (u.element, u.effect, u.sign) == (name, felt, -1)]
-            least = own.reference - sum(less)
-            for end in ("slowest", "fastest"):
-                asked, given = np.zeros(len(unknowns)), np.zeros(len(unknowns))
-                for index, unknown in enumerate(unknowns):
-                    if unknown.element == name and unknown.effect in parts:
-                        given[index] = unknown.sign * getattr(parts[unknown.effect], end)
-                        asked[index] = unknown.sign * (unknown.effect == felt)
-                for sign in (1, -1):
-                    yield Rendering(scale=own, least=least, given=given, asked=asked, sign=sign)
+            least = own.reference - sum(u.high for _, u in mine if (u.effect, u.sign) == (felt, -1))
+            units, asked = np.zeros((2, len(unknowns)))
+            given = np.zeros((PLACES.size, len(unknowns)))
+            for index, unknown in mine:
+                if unknown.effect in parts:
+                    units[index] = unknown.low
+                    given[:, index] = unknown.sign * parts[unknown.effect].places
+                    asked[index] = unknown.sign * (unknown.effect == felt)
+            if felt == "mass" and mass is not None:
+                yield from _proportions(given * unknowns[mass].sign, mass, units)
+                continue
+            most = given.copy()
+            if felt == "damping":
+                rows = -given[~IN_MOTION] / own.reference
+                yield Proportion(rows=rows, telling=_telling(rows, units))
+                if mass is not None:
+                    most[~IN_MOTION, mass] -= turn[~IN_MOTION]
+            else:
+                most = most[IN_MOTION]
+            for rows, sign in ((most, 1), (given[IN_MOTION], -1)):
+                yield Rendering(
+                    scale=own,
+                    least=least,
+                    given=rows,
+                    asked=asked,
+                    sign=sign,
+                    telling=_telling(sign * rows, units),
+                )
+
+
+def _proportions(given: FloatArray, mass: int, units: FloatArray) -> Iterator[Proportion]:
+    """Rows that keep the mass felt between parts and multiples of the mass commanded.
+
+    What they leave beside a mass is within what they keep to be of the least mass.
+    """
+    for inside, low, high in ((IN_MOTION, 1 / _ALIKE, _ALIKE), (~IN_MOTION, 0.0, 2.0)):
+        for sign, part in ((1, high), (-1, -low)):
+            rows = sign * given[inside]
+            rows[:, mass] -= part - _KEPT
+            rows /= _KEPT / 2 * units[mass]
+            yield Proportion(rows=rows, telling=_telling(rows, units), mass=mass)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,12 +305,16 @@ class LinearLimits:
     Attributes:
         rows: shape (rows, unknowns).
         words: which limit each row is.
+        masses: the unknown without which a row says nothing, -1 for none.
+        shown: rows that solvers are shown; the others are kept where these are, as a rule.
         felt: limits on what is felt that are no rows.
         leads: (spring, damper, least and most of damping over stiffness, s) of walls.
     """
 
     rows: FloatArray
     words: tuple[_LinearWord, ...]
+    masses: NDArray[np.intp]
+    shown: NDArray[np.intp]
     felt: tuple[Rendering, ...] = ()
     leads: tuple[tuple[int, int, float, float], ...] = ()
 
@@ -252,20 +323,34 @@ class LinearLimits:
         cls,
         forces: Iterable[FloatArray],
         unknowns: int,
-        felt: Iterable[Rendering] = (),
+        felt: Iterable[Rendering | Proportion] = (),
         leads: Iterable[tuple[int, int, float, float]] = (),
     ) -> LinearLimits:
         """The limits of rows of forces, of what is felt and of leads.
 
-        A row without a positive coefficient never binds.
+        A row of forces without a positive coefficient never binds. Those of what is felt are as
+        many for all filters.
         """
-        kept = [one for one in felt if np.any(one.row(np.inf) > 0)]
+        limits = list(felt)
+        bent = tuple(one for one in limits if isinstance(one, Rendering) and one.bent)
         rows = [row for row in forces if np.any(row > 0)]
-        straight = [one.row(0.0) for one in kept if not one.bent]
-        words: tuple[_LinearWord, ...] = ("force",) * len(rows) + ("rendering",) * len(straight)
-        table = np.array([*rows, *straight]).reshape(len(words), unknowns)
-        bent = tuple(one for one in kept if one.bent)
-        return cls(rows=table, words=words, felt=bent, leads=tuple(leads))
+        words: list[_LinearWord] = ["force"] * len(rows)
+        masses, shown = [-1] * len(rows), [*range(len(rows))]
+        for one in limits:
+            if one not in bent:
+                found = one.rows(0.0) if isinstance(one, Rendering) else one.rows
+                shown += (len(rows) + one.telling).tolist()
+                rows += [*found]
+                masses += [-1 if isinstance(one, Rendering) else one.mass] * len(found)
+                words += ("rendering",) * len(found)
+        return cls(
+            rows=np.array(rows).reshape(len(rows), unknowns),
+            words=tuple(words),
+            masses=np.array(masses, dtype=np.intp),
+            shown=np.array(shown, dtype=np.intp),
+            felt=bent,
+            leads=tuple(leads),
+        )
 
     @property
     def ratios(self) -> list[tuple[int, int, float]]:
@@ -296,10 +381,12 @@ class LinearLimits:
     def used(self, sizes: FloatArray) -> FloatArray:
         """What sizes of shape (unknowns, ...) use of each limit, 1 is all: shape (limits, ...)."""
         used = np.tensordot(self.rows, sizes, axes=1)
+        tied = self.masses >= 0
+        used[tied] *= sizes[self.masses[tied]] > 0
         tiny = np.finfo(float).tiny
         found = [factor * sizes[i] / np.maximum(sizes[j], tiny) for i, j, factor in self.ratios]
-        found += [one.used(sizes) for one in self.felt]
-        return np.concatenate([used, np.stack(found)]) if found else used
+        parts = [used, *([np.stack(found)] if found else []), *(o.used(sizes) for o in self.felt)]
+        return np.concatenate(parts)
 
     def bounds(self, sizes: FloatArray, index: int) -> dict[_LinearWord, float]:
         """How large one unknown may be beside the others as they are, by the limit; inf if any."""
@@ -312,24 +399,11 @@ class LinearLimits:
         rest = sizes.copy()
         rest[index] = 0.0
         spare = 1 - self.rows @ rest
-        for word, row, left in zip(self.words, self.rows, spare.tolist(), strict=True):
-            if row[index] > 0:
-                found[word] = min(found.get(word, np.inf), max(0.0, left / float(row[index])))
+        said = (self.masses < 0) | (self.masses == index) | (sizes[self.masses] > 0)
+        for place in np.flatnonzero(said & (self.rows[:, index] > 0)).tolist():
+            word, left = self.words[place], float(spare[place] / self.rows[place, index])
+            found[word] = min(found.get(word, np.inf), max(0.0, left))
         return found
-
-
-def force_rows(
-    moments: Sequence[Moment], unknowns: int, continuous: float | None, peak: float | None
-) -> Iterator[FloatArray]:
-    """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration."""
-    for moment in moments:
-        costs = np.zeros((len(moment.members), unknowns))
-        for cost, members, reaches in zip(costs, moment.members, moment.reach, strict=True):
-            cost[list(members)] = [reach or 0.0 for reach in reaches]
-        if continuous is not None:
-            yield costs[0] / max(continuous, _NO_FORCE)
-        if peak is not None:
-            yield costs.sum(axis=0) / max(peak, _NO_FORCE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -373,6 +373,10 @@ def feasible_sizes(problem: Problem) -> FloatArray | None:
 
 
 def _least_broken(problem: Problem) -> FloatArray | None:
+    rows = problem.linear.rows * problem.low
+    ends, ones = (np.full(len(rows), -np.inf), np.ones(len(rows))), np.ones(problem.low.size)
+    if solve_linear_program(0 * ones, rows, ends, (ones, problem.high / problem.low)) is None:
+        return None  # linear limits alone do not allow it
     low, high = np.log(problem.low), np.log(problem.high)
     rank = Rank(weights=np.zeros(low.size), lower=low, upper=high)
     least = problem.nothing

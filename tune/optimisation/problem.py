@@ -29,7 +29,6 @@ from tune.optimisation.limits import (
     LinearLimits,
     Moment,
     Unknown,
-    force_rows,
     renderings,
 )
 from tune.optimisation.region import Loops, Region
@@ -37,6 +36,8 @@ from tune.rendering import Shares
 
 FloatArray = NDArray[np.float64]
 
+#: N: an actuator without any force is taken to have this much.
+_NO_FORCE = 1e-30
 #: Of the gain of a clamp, kept for what lies between the corners of the box.
 ROOM = 2e-3
 #: Sizes below this part of the reference are as good as nothing: a ten-thousandth of a step.
@@ -247,7 +248,7 @@ def pose(
     used = used_filters(filters, Effects(**wanted))
     limit, encoder = device.force_limit, device.encoder_resolution
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
-    forces = force_rows(moments, len(unknowns), continuous, peak)
+    forces = _force_rows(moments, len(unknowns), continuous, peak)
     ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
     leads = _lead_limits(task, margin, elements, unknowns)
     return Problem(
@@ -265,6 +266,20 @@ def pose(
         cut=cut,
         proved_gain=kept * (1 + ROOM),
     )
+
+
+def _force_rows(
+    moments: Sequence[Moment], unknowns: int, continuous: float | None, peak: float | None
+) -> Iterator[FloatArray]:
+    """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration."""
+    for moment in moments:
+        costs = np.zeros((len(moment.members), unknowns))
+        for cost, members, reaches in zip(costs, moment.members, moment.reach, strict=True):
+            cost[list(members)] = [reach or 0.0 for reach in reaches]
+        if continuous is not None:
+            yield costs[0] / max(continuous, _NO_FORCE)
+        if peak is not None:
+            yield costs.sum(axis=0) / max(peak, _NO_FORCE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

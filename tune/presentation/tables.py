@@ -163,17 +163,21 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
         if rendered is None:
             continue
         parts = [
-            f"{effect} {mean:+.3g} {units[effect]} ({slow:+.3g} to {fast:+.3g})"
-            for effect, mean, (slow, fast) in (
-                ("mass", rendered.mass, rendered.mass_at_ends),
-                ("damping", rendered.damping, rendered.damping_at_ends),
+            f"{effect} {mean:+.3g} {units[effect]} ({_between(motion)}; {_between(beyond)})"
+            for effect, mean, motion, beyond in (
+                ("mass", rendered.mass, rendered.mass_in_motion, rendered.mass_beyond),
+                ("damping", rendered.damping, rendered.damping_in_motion, rendered.damping_beyond),
             )
-            if slow or fast
+            if motion and beyond and any(motion)
         ]
         if parts:
             lines.append(f"{name}: {', '.join(parts)}")
-    heading = "felt of it in motions of 0.5 to 5 Hz, mean (at 0.5 to at 5 Hz):"
+    heading = "felt of it in motions of 0.5 to 5 Hz, mean (least to largest; from 5 to 20 Hz):"
     return (heading, *lines) if lines else ()
+
+
+def _between(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:+.3g} to {ends[1]:+.3g}"
 
 
 def filters_in_words(loop: LoopProfile) -> str:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 _NEARLY = 0.98
 #: A part of a limit beyond which more than rounding is used.
 _BEYOND = 1.001
+#: Mass is felt within this factor of what is asked for.
+_ALIKE = 1.2
 #: Bars are drawn up to this many times a limit.
 _LONGEST = 1.25
 #: Letters of a name.
@@ -120,19 +122,29 @@ def _forces(design: Design, name: str, unit: str) -> _Found:
 
 
 def _rendered(design: Design, element: ElementProfile) -> _Found:
-    """Perceived steps from what is asked for to what is felt at 0.5 and 5 Hz; one is allowed."""
+    """What is felt in motion against what is asked for: damping in steps, mass by its factor."""
     rendered, table, motion = element.rendered, design.perception, element.motion
     if rendered is None or table is None or element.one_sided:
         return
     for effect, ends, weber, reach in (
-        ("mass", rendered.mass_at_ends, table.mass, motion.acceleration),
-        ("damping", rendered.damping_at_ends, table.damping, motion.speed),
+        ("mass", rendered.mass_in_motion or rendered.mass_at_ends, table.mass, motion.acceleration),
+        (
+            "damping",
+            rendered.damping_in_motion or rendered.damping_at_ends,
+            table.damping,
+            motion.speed,
+        ),
     ):
         asked: float = getattr(element, effect)
         total: float = getattr(design.device, effect).value + asked
         scale = Scale(reference=total, weber=weber, floor=table.threshold / reach)
         steps = max(scale.steps(end - asked) for end in ends)
-        yield f"{effect} as felt", "rendering", steps, f"off by {steps:.2g} of 1 step"
+        if effect == "damping" or not asked:
+            yield f"{effect} as felt", "rendering", steps, f"off by {steps:.2g} of 1 step"
+            continue
+        part = max(max(end / asked, asked / end if end / asked > 0 else np.inf) for end in ends)
+        words = f"off by a factor of {part:.3g} of {_ALIKE:g}"
+        yield "mass as felt", "rendering", float(np.log(part) / np.log(_ALIKE)), words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

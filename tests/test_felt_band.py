@@ -1,0 +1,96 @@
+"""What is tuned is felt as what is asked for at 400 frequencies from 0.5 to 20 Hz, and said so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from identification import load_device
+from tests.felt import HERTZ, MOTION, beyond, felt
+from tune import SafeProfile, Scene, check, optimise
+
+#: Weber fractions of damping and mass of the study, and the force that is just noticed.
+WEBER, NOTICED = (0.267, 0.225), {"linear": 0.1, "rotary": 0.005}
+DAMPER = {"homerehab": 30.0, "stylus": 0.5, "knob": 0.02}
+
+
+def _tuned(device: str, element: dict[str, Any], **loop: Any) -> SafeProfile:
+    scene = {"elements": {"it": element}, "loop": loop}
+    return optimise(load_device(device), Scene.model_validate(scene)).signed()
+
+
+def _broken(device: str, profile: SafeProfile) -> list[str]:
+    it, stated = profile.elements["it"], load_device(device)
+    reach = (
+        NOTICED[stated.motion] / it.motion.speed,
+        NOTICED[stated.motion] / it.motion.acceleration,
+    )
+    assert profile.perception is not None
+    weber = profile.perception.damping, profile.perception.mass
+    assert weber == pytest.approx(WEBER, abs=1e-3)
+    seen = felt(stated, profile.loop, it.stiffness, it.damping, it.mass)
+    return beyond(stated, seen, it.damping, it.mass, weber=weber, floors=reach)
+
+
+@pytest.mark.parametrize(("ratio", "least"), [(1.0, 0.9), (0.5, 1.6)])
+def test_a_mass_one_can_use_is_felt_as_one_on_400_frequencies(
+    ratio: float, least: float, tmp_path: Path
+) -> None:
+    element = {"mass": "max", "damping": 30.0}
+    profile = _tuned("homerehab", element, filter_damping_ratio=ratio)
+    it = profile.elements["it"]
+    assert it.mass >= least
+    assert it.damping >= 29.0
+    assert _broken("homerehab", profile) == []
+    seen = felt(load_device("homerehab"), profile.loop, it.stiffness, it.damping, it.mass)
+    said = it.rendered
+    assert said is not None
+    # What is told is found between the 400 too.
+    for told, values in (
+        (said.mass_in_motion, seen.mass[MOTION]),
+        (said.damping_in_motion, seen.damping[MOTION]),
+        (said.mass_beyond, seen.mass[HERTZ >= 5]),
+        (said.damping_beyond, seen.damping[HERTZ >= 5]),
+    ):
+        size = float(np.max(np.abs(values)))
+        assert told == pytest.approx((values.min(), values.max()), abs=2e-3 * size)
+    path = tmp_path / "profile.yaml"
+    path.write_text(profile.to_yaml(), encoding="utf-8")
+    check(path)
+
+
+@pytest.mark.parametrize("device", DAMPER)
+@pytest.mark.parametrize(
+    "effects", [("stiffness", "damping"), ("damping", "mass"), ("stiffness", "damping", "mass")]
+)
+def test_effects_raised_together_keep_to_it_with_any_filters(
+    device: str, effects: tuple[str, ...]
+) -> None:
+    rng = np.random.default_rng(len(device) + len(effects))
+    kept = 0
+    for _ in range(3):
+        velocity, acceleration = np.exp(rng.uniform(np.log([40, 20]), np.log([200, 60])))
+        profile = _tuned(
+            device,
+            dict.fromkeys(effects, "max"),
+            velocity_filter_hz=float(velocity),
+            acceleration_filter_hz=float(acceleration),
+            filter_damping_ratio=float(rng.uniform(0.4, 1)),
+        )
+        assert _broken(device, profile) == []
+        kept += len(profile.elements["it"].perceived_steps)
+    assert kept >= 3
+
+
+def test_a_damper_does_not_repay_the_damping_of_a_mass_by_its_lag() -> None:
+    """At both ends of the motions 10 N·s/m behind 5 Hz did, and at 12 Hz 52 were felt."""
+    profile = _tuned("homerehab", {"mass": "max", "damping": 10.0}, filter_damping_ratio=0.5)
+    assert _broken("homerehab", profile) == []
+    stated = load_device("homerehab")
+    loop = profile.loop.model_copy(update={"velocity_filter_hz": 5.0})
+    seen = felt(stated, loop, 0.0, 10.0, 1.0)
+    found = beyond(stated, seen, 10.0, 1.0, weber=WEBER, floors=(0.5, 0.05))
+    assert "mass" in found

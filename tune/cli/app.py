@@ -58,7 +58,6 @@ def help_command(
 
 #: What each help gives as an example of its arguments.
 _EXAMPLES = {
-    "demo": "",
     "new": "hardware",
     "doctor": "log.csv",
     "identify": "log.csv --hardware hardware.yaml",
@@ -91,7 +90,7 @@ for _name, _command, _summary in (
     ("simulate", preparation.simulate_command, "Rehearse: a simulated log of a known device."),
     ("help", help_command, "The help of a command, or this."),
 ):
-    _epilog = f"Example: haptune {_name} {_EXAMPLES[_name]}".rstrip()
+    _epilog = f"Example: haptune {_name} {_EXAMPLES.get(_name, '')}".rstrip()
     app.command(_name, cls=_Command, short_help=_summary, epilog=_epilog)(_command)
 
 

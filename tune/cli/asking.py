@@ -62,11 +62,9 @@ def _answered(session: Session, columns: LogColumns, error: QuestionError) -> Lo
         word = error.choices[int(said) - 1] if numbered else said.replace(",", ".")
         with suppress(ValueError, InvalidInputError):
             if word in error.choices or not error.choices:
-                answer = word if error.choices else float(word)
-                return replace(columns, **{error.option: answer})
-        session.tell(
-            f"Answer with {'a number or name of the list' if error.choices else 'a number'}."
-        )
+                return replace(columns, **{error.option: word if error.choices else float(word)})
+        kind = "a number or name of the list" if error.choices else "a number"
+        session.tell(f"Answer with {kind}.")
 
 
 def own_hardware(session: Session, given: Path | None) -> Path | None:
@@ -83,9 +81,7 @@ def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardw
     try:
         device.require_stated()
     except UnstatedError as error:
-        session.tell(
-            f"{len(error.missing)} facts that no log tells; a blank answer leaves one open."
-        )
+        session.tell(f"{len(error.missing)} facts no log tells; a blank answer leaves one open.")
         for fact in error.missing:
             found = _stated(session, found, fact)
     return None if found == before else found
@@ -112,7 +108,7 @@ def _content(key: str, said: list[str]) -> Any:
     """Answers as a hardware file holds them; what is no number is left for it to refuse."""
     words = [each.lower().replace(",", ".") for each in said]
     numbers = [float(each) if _NUMBER.fullmatch(each) else each for each in words]
-    limits = dict(zip(("continuous", "peak"), numbers, strict=False))
+    limits = {"continuous": numbers[0], "peak": numbers[-1]}
     return limits if key == "force_limit" else numbers[0]
 
 
@@ -124,8 +120,7 @@ def write_hardware(session: Session, path: Path, known: Hardware, *, dry_run: bo
 
 def device_stating(device: Device, known: Hardware) -> Device:
     """The device with facts that were stated for it."""
-    content = ident.to_mapping(device)
-    stated = ident.to_mapping(known)
+    content, stated = ident.to_mapping(device), ident.to_mapping(known)
     new = {fact: stated[fact] for fact in device.unstated() if stated.get(fact) is not None}
     left = [fact for fact in content.get("missing", ()) if fact not in new]
     return ident.parse_document(type(device), content | new | {"missing": left}, device.name)

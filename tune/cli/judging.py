@@ -296,11 +296,12 @@ def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str
 
 def _felt_words(felt: Felt, change: Change, motion: Motion) -> str:
     """An effect, or the device's own mass or damping: from, to, and the steps between."""
-    from tune.documents.scene import UNITS
+    from tune.presentation.tables import four_digits, units_of
 
-    unit = UNITS[motion][felt.name.rpartition(".")[2]]
-    old, new = (0.0 if side is None else side.value or 0.0 for side in (change.old, change.new))
-    return f"{_plain(felt.name)} {old:.4g} → {new:.4g} {unit} ({felt.steps:+.2g} steps)"
+    unit = units_of(motion)[felt.name.rpartition(".")[2]]
+    old, new = ((side and side.value) or 0.0 for side in (change.old, change.new))
+    words = f"{_plain(felt.name)} {four_digits(old)} → {four_digits(new)} {unit}"
+    return f"{words} ({felt.steps:+.2g} steps)"
 
 
 def _plain(name: str) -> str:

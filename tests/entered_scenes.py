@@ -43,6 +43,7 @@ def made(
             "extra_delay_samples": device.delay.value / device.sample_time.value,
             "velocity_filter_hz": 50.0,
             "acceleration_filter_hz": 30.0,
+            "filter_damping_ratio": 1.0,
         }
     )
     channel = {"name": "any", "taps": [{"samples": taps, "weight": 1.0}]}

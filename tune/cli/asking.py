@@ -108,8 +108,7 @@ def _content(key: str, said: list[str]) -> Any:
     """Answers as a hardware file holds them; what is no number is left for it to refuse."""
     words = [each.lower().replace(",", ".") for each in said]
     numbers = [float(each) if _NUMBER.fullmatch(each) else each for each in words]
-    limits = {"continuous": numbers[0], "peak": numbers[-1]}
-    return limits if key == "force_limit" else numbers[0]
+    return {"continuous": numbers[0], "peak": numbers[-1]} if key == "force_limit" else numbers[0]
 
 
 def write_hardware(session: Session, path: Path, known: Hardware, *, dry_run: bool) -> None:

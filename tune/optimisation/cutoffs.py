@@ -19,6 +19,7 @@ from tune.loop.loop import Filters
 from tune.optimisation.backends import Evaluation, Rank, program_of
 from tune.optimisation.feasibility import (
     largest_allowed,
+    least_beside,
     least_margin_loops,
     passes_cheap_limits,
     stable_in_doubles,
@@ -121,7 +122,10 @@ class _Search:
                 self.wished[group] = sum(len(elements[name].wishes()) for name in group)
 
     def best(self) -> Filters:
-        """The least filtering of all tried that is worth nearly as much as the best."""
+        """The least filtering that is worth nearly as much as the best that is found.
+
+        A filter that no kept effect uses tells why there is none, or is found where few suit.
+        """
         free = [index for index, axis in enumerate(self.axes) if axis.free]
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
@@ -133,13 +137,20 @@ class _Search:
         else:
             for index in free:
                 point = self._refined(self._along(point, index), [index])
+        best = self._least_good()
+        for index in [each for each in free if not self._is_used(best, each)]:
+            point = self._nearest(best, index)
+            if self._reached(point, index) >= 1:
+                self._refined(point, [index])
+            found = self._least_good()
+            best = found if self._is_used(found, index) else self._filters(point)
+        return best
+
+    def _least_good(self) -> Filters:
+        """The least filtering of all tried that is worth nearly as much as the best."""
         most = max(self.tried.values())
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH)
-        best = min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
-        for index in free:
-            if not self._is_used(best, index):
-                best = self._nearest(best, index)
-        return best
+        return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
 
     def _is_used(self, filters: Filters, index: int) -> bool:
         """Whether an effect that is kept uses one of the filters."""
@@ -151,27 +162,26 @@ class _Search:
             for unknown in tuned.problem.unknowns
         )
 
-    def _nearest(self, filters: Filters, index: int) -> Filters:
-        """One filter chosen anew, with which an effect comes nearest to a step: it tells why."""
-        low, high = self.axes[index].first[0], self.axes[index].first[-2]
-        places = [low + (high - low) * k / _FINE for k in range(_FINE)]
-        line = [self.axes[index].hertz(place) for place in (self.axes[index].first[-1], *places)]
-        each = [replace(filters, **{_CUTOFFS[index]: hertz}) for hertz in line]
-        return max(each, key=lambda filters: self._reached(filters, index))
+    def _nearest(self, filters: Filters, index: int) -> list[float]:
+        """The point of some filters with one chosen anew: an effect comes nearest to a step."""
+        cutoffs: list[float | None] = [getattr(filters, name) for name in _CUTOFFS]
+        point = [axis.place(each) for axis, each in zip(self.axes, cutoffs, strict=True)]
+        low, *_, high, beyond = self.axes[index].first
+        places = beyond, *np.linspace(low, high, _FINE, endpoint=False).tolist()
+        line = [[*point[:index], place, *point[index + 1 :]] for place in places]
+        return max(line, key=lambda each: self._reached(each, index))
 
-    def _reached(self, filters: Filters, index: int) -> float:
-        """How much of a step an effect has, alone, that uses one of the filters."""
-        steps = [0.0]
+    def _reached(self, point: Sequence[float], index: int) -> float:
+        """How much of a step an effect has that uses one of the filters, but for springs alone."""
+        most = 0.0
         for elements in self.asked:
-            cut, used = may_saturate(self.task, elements), self._of(elements, filters)
+            cut, used = may_saturate(self.task, elements), self._of(elements, self._filters(point))
             problem = pose(self.task, elements=elements, filters=used, cut=cut)
-            none = np.zeros(len(problem.unknowns))
-            steps += [
-                unknown.steps(largest_allowed(problem, none, place))
-                for place, unknown in enumerate(problem.unknowns)
-                if unknown.effect == _USES[index]
-            ]
-        return max(steps)
+            for place, unknown in enumerate(problem.unknowns):
+                if unknown.effect == _USES[index]:
+                    size = largest_allowed(problem, least_beside(problem), place)
+                    most = max(most, unknown.steps(size))
+        return most
 
     def _starts(self, middle: list[float]) -> list[list[float]]:
         """Points to climb from: one cut-off after the other, in both orders.
@@ -351,6 +361,10 @@ class _Axis:
     @property
     def free(self) -> bool:
         return len(self.first) > 1
+
+    def place(self, hertz: float | None) -> float:
+        """Where a cut-off is; beyond all of them for no filter."""
+        return math.log(hertz) if self.free and hertz else self.first[-1]
 
     def hertz(self, place: float) -> float | None:
         """The cut-off as it is written; None for no filter."""

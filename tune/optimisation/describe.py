@@ -496,7 +496,8 @@ def notes_of_unmet(
         played: dict[EffectName, float] = {each: getattr(element, each) for each in EFFECT_NAMES}
         for effect, wish in task.scene.elements[name].wishes().items():
             size, asked = played[effect], wish.high or 0.0
-            if wish.kind != "value" or not size or abs(size) >= _MET * abs(asked):
+            met = abs(size) >= _MET * abs(asked) or element.limited_by.get(effect) == "wanted"
+            if wish.kind != "value" or not size or met:
                 continue
             most = f"{format_number(size)} {units[effect]}"
             why, felt = element.limited_by[effect], ""

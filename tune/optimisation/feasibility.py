@@ -192,6 +192,11 @@ def largest_allowed(problem: Problem, sizes: FloatArray, index: int) -> float:
     return min(least, ripple_bound(problem, sizes, index, least))
 
 
+def least_beside(problem: Problem) -> FloatArray:
+    """Sizes of nothing but springs at their least, which bind the position in every loop."""
+    return np.array([u.low if u.effect == "stiffness" else 0.0 for u in problem.unknowns])
+
+
 def _linear_bound(problem: Problem, sizes: FloatArray, index: int) -> float:
     """Size at which force is used up or something else is felt; inf where nothing is known."""
     return min(problem.linear.bounds(sizes, index).values(), default=np.inf)

@@ -18,7 +18,12 @@ from tune.documents.scene import Scene
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Slsqp
 from tune.optimisation.describe import bindings
-from tune.optimisation.feasibility import feasible_points, largest_allowed, stable_points
+from tune.optimisation.feasibility import (
+    feasible_points,
+    largest_allowed,
+    least_beside,
+    stable_points,
+)
 from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import (
     SAME,
@@ -338,8 +343,8 @@ def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
     if not places:
         return _NO_WALL
     index, unknown = places[0], problem.unknowns[places[0]]
-    for words, known in (("", dict[str, float]()), ("beside the others ", beside)):
-        sizes = np.array([known.get(other.label, 0.0) for other in problem.unknowns])
+    found = np.array([beside.get(other.label, 0.0) for other in problem.unknowns])
+    for words, sizes in (("", least_beside(problem)), ("beside the others ", found)):
         sizes[index] = largest_allowed(problem, sizes, index)
         if sizes[index] < unknown.low or words:
             word = bindings(problem, sizes, [index])[0]

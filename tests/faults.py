@@ -259,7 +259,7 @@ FAULTS: tuple[Fault, ...] = (
         ("felt as a mass beyond", "np.maximum(share - 2, -share)", "share - 2"),
         ("no damping taken away beyond", "-own - values, ", "-2 * own - values, "),
         ("parasitic damping beyond", "own + asked[effect]) - 1\n", "own + asked[effect]) - 2\n"),
-        ("a force that is just noticed", "if total * fold <= noticed:", "if total < 0:"),
+        ("a force that is just noticed", "np.where(part <= 1, part,", "np.where(part < 0, part,"),
         ("numbers of what is felt", "if not abs(seen - said) <= _AGREE * size", "if not size >= 0"),
     ),
     # What `check` compares.

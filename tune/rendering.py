@@ -56,9 +56,8 @@ PLACES: FloatArray = np.concatenate(
     [np.geomspace(SLOWEST, FASTEST, 33), np.geomspace(FASTEST, BEYOND, 17)]
 )
 IN_MOTION: NDArray[np.bool_] = np.arange(PLACES.size) < 33
-_TOLD: FloatArray = np.concatenate(
-    [np.geomspace(SLOWEST, FASTEST, 801), np.geomspace(FASTEST, BEYOND, 401)]
-)
+_MOTIONS, _FARTHER = np.geomspace(SLOWEST, FASTEST, 801), np.geomspace(FASTEST, BEYOND, 401)
+_TOLD: FloatArray = np.concatenate([_MOTIONS, _FARTHER])
 #: Gauss-Lobatto nodes on the logarithm of frequency, the ends among them. Means are right to 1e-12
 #: with well damped filters above 5 Hz and to 1e-5 with the sharpest resonance in band.
 NODES = 65
@@ -169,7 +168,7 @@ def rendered_mass_and_damping(
     }
     found: dict[str, Any] = {}
     for name, values in felt.items():
-        motion, beyond = values[_TOLD <= FASTEST][:801], values[800:]
+        motion, beyond = np.split(values, [_MOTIONS.size])
         pairs = {
             "at_ends": (motion[0], motion[-1]),
             "in_motion": (motion.min(), motion.max()),

@@ -263,16 +263,16 @@ def excess_over_request(design: Design, name: str, setting: Setting) -> list[str
 
     for effect, values in felt.items():
         own = _reference(design, table, effect)
-        heights = [_height(design, element, effect, own + float(each)) for each in values]
-        steps = np.array(heights) - _height(design, element, effect, own + asked[effect])
+        heights = _height(design, element, effect, own + values)
+        steps = heights - _height(design, element, effect, own + asked[effect])
         apart = np.where(slow, np.abs(steps) - 1, -1.0)
         if effect == "damping":
             refuse(effect, apart, "1 step from it is allowed")
             refuse(effect, -own - values, "with the device's own it takes none away")
             # What is parasitic up to the impedance of the mass is not counted beyond the motions.
             least = np.where(slow, 0.0, abs(element.mass) * _turns())
-            rest = [_height(design, element, effect, own + float(x)) for x in values - least]
-            further = np.array(rest) - _height(design, element, effect, own + asked[effect]) - 1
+            rest = _height(design, element, effect, own + (values - least))
+            further = rest - _height(design, element, effect, own + asked[effect]) - 1
             refuse(effect, further, "1 step and the impedance of the mass are allowed")
         elif element.mass:
             share = values / element.mass
@@ -376,10 +376,13 @@ def _steps_between(
     design: Design, element: ElementProfile, effect: str, first: float, second: float
 ) -> float:
     """Steps from one total of an effect, with the device's own, to another."""
-    return abs(_height(design, element, effect, second) - _height(design, element, effect, first))
+    low, high = (_height(design, element, effect, each) for each in (first, second))
+    return abs(float(high - low))
 
 
-def _height(design: Design, element: ElementProfile, effect: str, total: float) -> float:
+def _height(
+    design: Design, element: ElementProfile, effect: str, total: FloatArray | float
+) -> FloatArray:
     """Steps above nothing: one for each force just noticed, then one for each Weber fraction."""
     table = design.perception
     assert table is not None
@@ -389,9 +392,8 @@ def _height(design: Design, element: ElementProfile, effect: str, total: float) 
         "mass": element.motion.acceleration,
     }[effect]
     noticed, fold = table.threshold / reach, float(np.log1p(getattr(table, effect)))
-    if total * fold <= noticed:
-        return total / noticed
-    return (1 + float(np.log(total * fold / noticed))) / fold
+    part = np.asarray(total) * fold / noticed
+    return np.where(part <= 1, part, 1 + np.log(np.maximum(part, 1.0))) / fold
 
 
 def _reference(design: Design, table: PerceptionProfile, effect: str) -> float:

@@ -139,8 +139,8 @@ class _Search:
                 point = self._refined(self._along(point, index), [index])
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
-            point = self._nearest(best, index)
-            if self._reached(point, index) >= 1:
+            reached, point = self._nearest(best, index)
+            if reached >= 1:
                 self._refined(point, [index])
             found = self._least_good()
             best = found if self._is_used(found, index) else self._filters(point)
@@ -162,20 +162,20 @@ class _Search:
             for unknown in tuned.problem.unknowns
         )
 
-    def _nearest(self, filters: Filters, index: int) -> list[float]:
-        """The point of some filters with one chosen anew: an effect comes nearest to a step."""
+    def _nearest(self, filters: Filters, index: int) -> tuple[float, list[float]]:
+        """How near to a step an effect comes with one filter chosen anew, and the point of both."""
         cutoffs: list[float | None] = [getattr(filters, name) for name in _CUTOFFS]
         point = [axis.place(each) for axis, each in zip(self.axes, cutoffs, strict=True)]
         low, *_, high, beyond = self.axes[index].first
         places = beyond, *np.linspace(low, high, _FINE, endpoint=False).tolist()
         line = [[*point[:index], place, *point[index + 1 :]] for place in places]
-        return max(line, key=lambda each: self._reached(each, index))
+        return max(((self._reached(each, index), each) for each in line), key=lambda pair: pair[0])
 
     def _reached(self, point: Sequence[float], index: int) -> float:
         """How much of a step an effect has that uses one of the filters, but for springs alone."""
-        most = 0.0
+        filters, most = self._filters(point), 0.0
         for elements in self.asked:
-            cut, used = may_saturate(self.task, elements), self._of(elements, self._filters(point))
+            cut, used = may_saturate(self.task, elements), self._of(elements, filters)
             problem = pose(self.task, elements=elements, filters=used, cut=cut)
             for place, unknown in enumerate(problem.unknowns):
                 if unknown.effect == _USES[index]:

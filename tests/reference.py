@@ -169,7 +169,7 @@ def loop_along(
 
 def loop_with(case: Case) -> ReferenceLoop:
     """P(z; s) along s times the effects of a case."""
-    measured, _, denominator = plant(case)
+    measured, denominator = plant(case)
     numerator, poles = law(case)
     fixed, varied = denominator * poles, measured * numerator
     if case.free:
@@ -178,8 +178,8 @@ def loop_with(case: Case) -> ReferenceLoop:
     return ReferenceLoop(fixed=fixed, varied=varied)
 
 
-def plant(case: Case) -> tuple[arb_poly, arb_poly, arb_poly]:
-    """(measured, handle) numerators over one denominator in z, position in m from force in N."""
+def plant(case: Case) -> tuple[arb_poly, arb_poly]:
+    """Numerator over denominator in z, position at the encoder in m from force in N."""
     count = 1 + len(case.modes)
     m, b, T = arb(case.mass), arb(case.damping), arb(case.sample_time)
     encoder = [arb(1), *(arb(mode[2]) for mode in case.modes)]
@@ -224,16 +224,12 @@ def plant(case: Case) -> tuple[arb_poly, arb_poly, arb_poly]:
     bare = phi.charpoly()
     z = arb_poly([0, 1])
 
-    def read(weights: list[arb]) -> arb_poly:
-        """Numerator of a reading: det(z - Φ + g·row) is det(z - Φ)·(1 + row·(z - Φ)⁻¹·g)."""
-        row = arb_mat([[*weights, *[zero] * (len(rows) - count)]])
-        now = (phi - new * row).charpoly() - bare
-        if case.delay_samples == whole:
-            return now
-        return now * z + (phi - (full - new) * row).charpoly() - bare
-
-    later = whole if case.delay_samples == whole else whole + 1
-    return read(encoder), read(handle), bare * z**later
+    # Of a reading: det(z - Φ + g·row) is det(z - Φ)·(1 + row·(z - Φ)⁻¹·g).
+    row = arb_mat([[*encoder, *[zero] * (len(rows) - count)]])
+    now = (phi - new * row).charpoly() - bare
+    if case.delay_samples == whole:
+        return now, bare * z**whole
+    return now * z + (phi - (full - new) * row).charpoly() - bare, bare * z ** (whole + 1)
 
 
 def _held(rows: list[list[arb]], force: list[arb], time: arb) -> tuple[arb_mat, arb_mat]:
@@ -302,16 +298,15 @@ _GOLDEN = (arb(5).sqrt() - 1) / 2
 
 
 class Sampled:
-    """Polynomials in z of a case: D, N of the open loop N/D, handle H and law."""
+    """Polynomials in z of a case: D, N of the open loop N/D, and the law."""
 
     def __init__(self, case: Case) -> None:
         self.case = case
-        _, handle, denominator = plant(case)
+        _, denominator = plant(case)
         numerator, poles = law(case)
         self.law = (numerator, poles)
         step = arb_poly([-1, 1])  # what the free motion has in common
         self.force_numerator = (denominator // step if case.free else denominator) * numerator
-        self.handle_numerator = handle * (numerator // step if case.free else numerator)
         self.loop = loop_with(case)
         self.closed = self.loop.fixed + self.loop.varied
 

@@ -1,86 +1,30 @@
-"""What is felt: handle vibration, contact with an element, what a hand feels of commands."""
+"""What is felt: contact with an element, what a hand feels of commands."""
 
 from __future__ import annotations
 
 import functools
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pydantic import ValidationError
 from scipy.linalg import expm
 
 from datasets_synthetic import Controller, Rig, simulate
-from identification import Device, InvalidInputError, load_device, load_document, quantity
+from identification import Device, load_device, quantity
 from tests.unlimited import UNLIMITED
 from tune import (
     Effects,
     Filters,
-    Loop,
     SafeProfile,
     Scene,
-    ThresholdCurve,
-    handle_vibration,
     optimise,
-    vibration_in_thresholds,
 )
 from tune.rendering import contact
 
 COUNT = 6e-6
 MASS = Effects(mass=1.0)
-
-
-def _loop(cutoff: float | None = None) -> Loop:
-    return Loop.from_numbers(
-        mass=3.0,
-        damping=10.0,
-        sample_time=1e-3,
-        delay_samples=1,
-        filters=Filters(velocity_filter_hz=cutoff, acceleration_filter_hz=cutoff),
-    )
-
-
-def _curve(*points: tuple[float, float], amplitude: str = "rms") -> ThresholdCurve:
-    return ThresholdCurve.model_validate(
-        {
-            "name": "test",
-            "source": "test",
-            "amplitude": amplitude,
-            "points": [{"frequency_hz": f, "displacement": x} for f, x in points],
-        }
-    )
-
-
-def test_a_sharp_resonance_is_not_missed() -> None:
-    """A hard spring near its limit rings at 9 Hz with a damping ratio of 1e-4 or so."""
-    effects = Effects(stiffness=6650.0)
-    curve = _curve((1.0, 1e-7), (2.0, 1e-7))
-    closed = float(handle_vibration(_loop(), effects, COUNT)) / 1e-7
-    assert vibration_in_thresholds(_loop(), effects, COUNT, curve) == pytest.approx(
-        closed, rel=1e-3
-    )
-
-
-def test_unfiltered_virtual_mass_is_plainly_felt_and_filters_help() -> None:
-    """docs/theory.md, 7: one count of 1 kg on 6 µm and 1 ms is plainly felt."""
-    assert vibration_in_thresholds(_loop(), MASS, COUNT) > 3
-    assert vibration_in_thresholds(_loop(20.0), MASS, COUNT) < 1
-    assert vibration_in_thresholds(_loop(), Effects(), COUNT) == 0.0
-
-
-def test_curve_that_does_not_rise_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValidationError, match="must rise"):
-        _curve((10.0, 1e-7), (10.0, 1e-8))
-    text = (
-        "schema: haptune/vibration/1\nname: x\nsource: x\namplitude: rms\nunit: m\n"
-        "points:\n  - {frequency_hz: 10.0, displacement: -1.0}\n"
-    )
-    (tmp_path / "curve.yaml").write_text(text)
-    with pytest.raises(InvalidInputError):
-        load_document(ThresholdCurve, tmp_path / "curve.yaml")
 
 
 #: Stiffness and damping of a wall fit for each named device, and its velocity filter, Hz.

@@ -22,7 +22,7 @@ from identification import (
     to_mapping,
 )
 from tests.commands import SCHEMAS, form
-from tune import PerceptionTable, SafeProfile, Scene, ThresholdCurve, optimise
+from tune import PerceptionTable, SafeProfile, Scene, optimise
 from tune.schemas.__main__ import generate
 
 MODELS: dict[str, type[Document]] = {
@@ -31,7 +31,6 @@ MODELS: dict[str, type[Document]] = {
     "scene": Scene,
     "excitation": ExcitationSpec,
     "perception": PerceptionTable,
-    "vibration": ThresholdCurve,
     "profile": SafeProfile,
 }
 
@@ -68,13 +67,8 @@ def test_what_haptune_writes_and_ships_is_valid() -> None:
     _validator("hardware").validate(_parsed(form("hardware")))
     for name in named_devices():
         _validator("excitation").validate(_parsed(form("excitation", "--device", name)))
-    for kind, name in (
-        ("perception", "homerehab_study"),
-        ("vibration", "grasped_cylinder"),
-        ("vibration", "thenar"),
-    ):
-        text = (files("tune") / "data" / f"{name}.yaml").read_text(encoding="utf-8")
-        _validator(kind).validate(_parsed(text))
+    text = (files("tune") / "data" / "homerehab_study.yaml").read_text(encoding="utf-8")
+    _validator("perception").validate(_parsed(text))
     for name in named_devices():
         _validator("hardware").validate(_parsed(form("hardware", "--device", name)))
         _validator("scene").validate(_parsed(form("scene", "--device", name)))

@@ -30,15 +30,8 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.judging import Audit, Change, Comparison, audit, compare
     from tune.loop.loop import Filters, Loop
     from tune.margins import (
-        DelayMargin,
-        DiskMargin,
         LoopMargins,
-        delay_margin,
-        disk_margin,
-        least_damping_ratio,
         margins_of,
-        phase_margin,
-        slowest_decay,
     )
     from tune.optimisation import (
         Alternative,
@@ -52,12 +45,8 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.presentation.pictures import profile_picture, profile_sheet, region_picture
     from tune.rendering import (
         CountJump,
-        ThresholdCurve,
         count_jump,
-        default_thresholds,
         force_ripple,
-        handle_vibration,
-        vibration_in_thresholds,
     )
     from tune.stability.criterion import Passivity, damping_needed
     from tune.stability.verdict import (
@@ -78,8 +67,6 @@ __all__ = [
     "CheckReport",
     "Comparison",
     "CountJump",
-    "DelayMargin",
-    "DiskMargin",
     "Effects",
     "Element",
     "Filters",
@@ -93,7 +80,6 @@ __all__ = [
     "Scale",
     "Scene",
     "Study",
-    "ThresholdCurve",
     "TuneError",
     "Verification",
     "audit",
@@ -107,30 +93,22 @@ __all__ = [
     "count_jump",
     "damping_needed",
     "default_table",
-    "default_thresholds",
-    "delay_margin",
-    "disk_margin",
     "export",
     "force_ripple",
     "gain_interval",
-    "handle_vibration",
     "is_stable",
     "largest",
-    "least_damping_ratio",
     "load_profile",
     "load_scene",
     "margins_of",
     "optimise",
-    "phase_margin",
     "profile_picture",
     "profile_sheet",
     "region_picture",
     "safe_gain",
-    "slowest_decay",
     "stable_gains",
     "verdict",
     "verify",
-    "vibration_in_thresholds",
     "what_if",
 ]
 
@@ -145,17 +123,11 @@ _HOMES = {
     "documents.scene": "Effects Element Scene load_scene",
     "exporters": "export",
     "loop.loop": "Filters Loop",
-    "margins": (
-        "DelayMargin DiskMargin LoopMargins delay_margin disk_margin least_damping_ratio "
-        "margins_of phase_margin slowest_decay"
-    ),
+    "margins": "LoopMargins margins_of",
     "optimisation": "Alternative candidates candidates_picture compare_candidates optimise what_if",
     "optimisation.calibration": "calibrate",
     "presentation.pictures": "profile_picture profile_sheet region_picture",
-    "rendering": (
-        "CountJump ThresholdCurve count_jump default_thresholds force_ripple handle_vibration "
-        "vibration_in_thresholds"
-    ),
+    "rendering": "CountJump count_jump force_ripple",
     "stability.criterion": "Passivity damping_needed",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",
     "verification": "Verification verify",

@@ -49,7 +49,8 @@ from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
 from tune.optimisation.problem import DesignTask, Problem, pose
 from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
-from tune.rendering import contact, count_jump, handle_vibration, vibration_in_thresholds
+from tune.rendering import contact, count_jump
+from tune.stability.criterion import Passivity, passivity
 
 FloatArray = NDArray[np.float64]
 
@@ -83,12 +84,11 @@ class Audit(Tabular):
         gain: stable for every gain in (0, gain] over the box's corners; 0 where small gains are
             unstable.
         delay_samples: extra delay at which every gain in (0, 1] is stable, nan if none.
-        margins: of the device at its best estimate.
+        margins: of the device at its best estimate; None where it is unstable.
+        passivity: Colgate and Schenkel's condition for the device in any passive hand.
         sustained: K·penetration, N.
         peak: with |B|·speed and |M|·acceleration, N.
         ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
-        vibration: of the handle, m rms; None likewise.
-        vibration_over_threshold: of a hand, above 1 it is noticed; linear axes only.
         wall: what a free device meets that runs into these gains as a wall that only pushes; at
             the speed of the default motion.
         jumps: force that one count of the encoder causes through each effect, N.
@@ -101,11 +101,10 @@ class Audit(Tabular):
     gain: float
     delay_samples: float
     margins: LoopMargins | None
+    passivity: Passivity
     sustained: float
     peak: float
     ripple: float | None
-    vibration: float | None
-    vibration_over_threshold: float | None
     wall: Contact
     jumps: dict[str, float]
     faults: tuple[Fault, ...]
@@ -197,17 +196,16 @@ def audit(
     extra = problem.margin.extra_delay_samples
     sustained, peak = (float(force) for force in forces(combination, sizes))
     total, one = problem.effects(combination, sizes), SizedMoment(problem, combination, sizes)
-    vibration, thresholds = _vibration(device, total, filters) if stable else (None, None)
+    used = used_filters(filters, total)
     return Audit(
         design=design,
         gain=gain,
         delay_samples=extra_delays([one])[0] if stable else np.nan,
-        margins=margins_of(device, total, filters) if stable else None,
+        margins=margins_of(Loop.from_parts(device, used), total) if stable else None,
+        passivity=passivity(device, total, used),
         sustained=sustained,
         peak=peak,
         ripple=noise,
-        vibration=vibration,
-        vibration_over_threshold=thresholds,
         wall=contact(design.device, problem.region.box, problem.filters, wall, extra),
         jumps=_jumps(device, total, filters),
         faults=faults,
@@ -278,19 +276,6 @@ def _as_judged(device: Device, samples: float) -> Device:
     shift = {name: getattr(delay, name) + samples * step for name in ("value", "low", "high")}
     later = {"delay": delay.model_copy(update=shift)}
     return device.model_copy(update={**dict.fromkeys(device.unstated()), **later})
-
-
-def _vibration(
-    device: Device, effects: Effects, filters: Filters
-) -> tuple[float | None, float | None]:
-    """(m rms, thresholds) of the handle from encoder noise, None where it is not known."""
-    if device.encoder_resolution is None:
-        return None, None
-    count = device.encoder_resolution.value
-    loop = Loop.from_parts(device, used_filters(filters, effects))
-    shaken = float(handle_vibration(loop, effects, count))
-    linear = device.motion == "linear"
-    return shaken, vibration_in_thresholds(loop, effects, count) if linear else None
 
 
 def _jumps(device: Device, effects: Effects, filters: Filters) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""What a hand gets: rendered mass and damping, entering an element, force ripple and vibration.
+"""What a hand gets: rendered mass and damping, entering an element, force ripple.
 
 **Rendered**, docs/theory.md, 8: what a hand feels of commanded effects at the motions people make.
 Filters, delay and hold let a virtual mass lag behind the acceleration: less of it is felt as mass,
@@ -8,14 +8,9 @@ and some as damping. A damper that lags takes mass away, a spring that lags take
 full gain and below the level of its clamp.
 
 **Ripple.** A position in motion is quantised like white noise of variance Δ²/12. It reaches the
-force through C/(1 + G·C) and the handle through G_h·C/(1 + G·C), G_h from the force to the handle;
-the closed form of the H2 norm needs no simulation. In w the norm on the unit circle is that of a
-transfer function times √2/(1+w) on the imaginary axis. A device at rest shows single counts.
-
-**Vibration** is weighed by a threshold curve, which is data with a source: the least displacement
-of a steady sinusoid that a hand detects. Where the spectrum of the handle's displacement, divided
-by the curve, sums to more than 1, it is said to be felt: the energies of a band add up in the
-Pacinian channel.
+force through C/(1 + G·C); the closed form of the H2 norm needs no simulation. In w the norm on the
+unit circle is that of a transfer function times √2/(1+w) on the imaginary axis. A device at rest
+shows single counts.
 """
 
 from __future__ import annotations
@@ -23,23 +18,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
-from importlib.resources import as_file, files
+from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
-from identification import Box, Device, Document, load_document, round_to_digits
-from tune.documents import LoopError
+from identification import Box, Device, round_to_digits
 from tune.documents.estimators import DIFFERENCES, Derivative, filter_of, leads
 from tune.documents.profile import Contact, ElementProfile, Rendered
 from tune.documents.scene import Effects
-from tune.loop.loop import Filters, Loop, closed_loops
-from tune.loop.polynomials import h2_squared, product, spread, value_at
+from tune.loop.loop import Filters, Loop
+from tune.loop.polynomials import h2_squared, product, spread
 from tune.loop.state_space import restitution
 
 FloatArray = NDArray[np.float64]
@@ -290,18 +281,16 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
     Returns:
         rms force of the broadcast shape.
     """
-    noise = _noise(loop, effects, loop.transfer.plant_denominator, encoder_resolution)
+    law = law_numerator(loop, effects)
+    if law is None:
+        return np.zeros(loop.scales[0].shape)
+    denominator, _ = loop.polynomial(effects)
+    shape, path = denominator.shape[1:], loop.transfer.plant_denominator
+    numerator = list(product(spread(law, shape), spread(path, shape)))
+    energy = ripple_energy(numerator, list(denominator), position_free=loop.has_free_pole(effects))
+    with np.errstate(invalid="ignore"):
+        noise = np.asarray(np.sqrt(energy / 12) * encoder_resolution)
     return np.asarray(noise / loop.scales[0])
-
-
-def handle_vibration(loop: Loop, effects: Effects, encoder_resolution: float) -> FloatArray:
-    """Vibration of the handle from encoder quantisation, m rms (rad), at the samples.
-
-    Arguments as in `force_ripple`; `vibration_in_thresholds` weighs it by what a hand feels.
-
-    The answer has the shape of loop and effects together.
-    """
-    return _noise(loop, effects, loop.transfer.handle_numerator, encoder_resolution)
 
 
 def law_numerator(loop: Loop, effects: Effects) -> FloatArray | None:
@@ -365,19 +354,6 @@ def ripple_energy(
     return h2_squared([root2 * item for item in top], widened)
 
 
-def _noise(loop: Loop, effects: Effects, path: FloatArray, resolution: float) -> FloatArray:
-    """rms of what a polynomial ``path`` over the plant's denominator makes of the noise."""
-    law = law_numerator(loop, effects)
-    if law is None:
-        return np.zeros(loop.scales[0].shape)
-    denominator, _ = loop.polynomial(effects)
-    shape = denominator.shape[1:]
-    numerator = list(product(spread(law, shape), spread(path, shape)))
-    energy = ripple_energy(numerator, list(denominator), position_free=loop.has_free_pole(effects))
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.sqrt(energy / 12) * resolution)
-
-
 def _largest_answer(
     filters: Filters, name: Literal["beta", "gamma"], cutoff: float, sample_time: float
 ) -> float:
@@ -413,127 +389,3 @@ def _in_inverse_z(part: FloatArray, order: int) -> FloatArray:
         plus = np.polynomial.polynomial.polypow([1.0, 1.0], order - power)
         total += float(coefficient) * np.convolve(minus, plus)
     return total
-
-
-#: Nodes of one panel of Gauss and Legendre's rule, between neighbouring corners of the curve and
-#: resonances of the loop.
-_NODES = 16
-#: Halved panels agree to this, relative: far below what is known of any threshold.
-_AGREE = 1e-6
-#: Halvings of all panels; two are usual, since panels grow from each resonance outwards.
-_MOST_HALVINGS = 6
-#: Edges of panels around a pole: its distance from the axis times these.
-_AROUND = 3.0 ** np.arange(-1, 12)
-#: Hz. Below, no hand calls it vibration.
-_LOWEST = 1.0
-
-
-class ThresholdPoint(Document):
-    """Least displacement that is felt at one frequency."""
-
-    frequency_hz: float = Field(gt=0)
-    displacement: float = Field(gt=0)
-
-
-class ThresholdCurve(Document):
-    """Vibrotactile thresholds; data that a user can replace with a file of this form.
-
-    Attributes:
-        source: where the numbers are from, and how sure that is.
-        amplitude: what the displacements are: ``peak`` (zero to peak) or ``rms``.
-        unit: m, of the handle.
-        points: by rising frequency; straight lines between them in logarithms, held beyond them.
-    """
-
-    schema_: Literal["haptune/vibration/1"] = Field(default="haptune/vibration/1", alias="schema")
-    name: str
-    source: str
-    amplitude: Literal["peak", "rms"]
-    unit: Literal["m"] = "m"
-    points: tuple[ThresholdPoint, ...] = Field(min_length=2)
-
-    @model_validator(mode="after")
-    def _rising(self) -> ThresholdCurve:
-        frequencies = [point.frequency_hz for point in self.points]
-        if any(b <= a for a, b in pairwise(frequencies)):
-            raise ValueError("frequency_hz must rise from point to point")
-        return self
-
-    def rms(self, frequency_hz: FloatArray) -> FloatArray:
-        """Threshold at given frequencies (Hz), m rms, of the same shape."""
-        frequencies = np.log([point.frequency_hz for point in self.points])
-        displacements = np.log([point.displacement for point in self.points])
-        scale = np.sqrt(0.5) if self.amplitude == "peak" else 1.0
-        return scale * np.exp(np.interp(np.log(frequency_hz), frequencies, displacements))
-
-
-@cache
-def default_thresholds() -> ThresholdCurve:
-    """The hand around a cylinder; its source says how sure the numbers are."""
-    with as_file(files("tune") / "data" / "grasped_cylinder.yaml") as path:
-        return load_document(ThresholdCurve, Path(path))
-
-
-def handle_spectrum(
-    loop: Loop, effects: Effects, encoder_resolution: float, frequency_hz: FloatArray
-) -> FloatArray:
-    """Spectral density of the handle's displacement from quantisation, m²/Hz, one-sided."""
-    frequency_hz = np.asarray(frequency_hz, dtype=np.float64)
-    (one,), _ = closed_loops(loop, effects)
-    law = law_numerator(loop, effects)
-    if law is None:
-        return np.zeros_like(frequency_hz)
-    v = np.tan(np.pi * frequency_hz * one.sample_time)
-    closed, _ = loop.polynomial(effects)
-    response = value_at(loop.transfer.handle_numerator, v) * value_at(law, v) / value_at(closed, v)
-    density = encoder_resolution**2 / 12 * 2 * one.sample_time
-    return density * np.abs(response) ** 2
-
-
-def vibration_in_thresholds(
-    loop: Loop, effects: Effects, encoder_resolution: float, curve: ThresholdCurve | None = None
-) -> float:
-    """Vibration of the handle from quantisation, in thresholds: above 1 it is felt.
-
-    √∫ S(f)/threshold(f)² df from 1 Hz to the Nyquist frequency, by Gauss and Legendre's rule with
-    panels halved until two agree to 1e-6.
-
-    Args:
-        loop: of shape (), a linear axis, scaled by mass and sample time.
-        effects: single values of a stable setting.
-        encoder_resolution: Δ, m.
-        curve: thresholds; None is `default_thresholds`.
-
-    Raises:
-        LoopError: the panels do not agree; the loop rings too sharply to be safe.
-    """
-    chosen = curve or default_thresholds()
-    (one,), _ = closed_loops(loop, effects)
-    nyquist = 0.5 / one.sample_time
-    lowest = min(_LOWEST, nyquist / 2)
-    poles = one.poles()
-    poles = poles[np.isfinite(poles)]
-    reach = np.abs(poles.real)[:, None] * np.concatenate([-_AROUND, [0.0], _AROUND])
-    around = np.arctan(np.abs(poles.imag[:, None] + reach)) / (np.pi * one.sample_time)
-    corners = np.concatenate(
-        [[lowest, nyquist], [point.frequency_hz for point in chosen.points], around.reshape(-1)]
-    )
-    edges = np.unique(corners[(corners >= lowest) & (corners <= nyquist)])
-
-    def total(edges: FloatArray) -> float:
-        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-        half = np.diff(edges)[:, None] / 2
-        f = edges[:-1, None] + half * (1 + nodes)
-        density = handle_spectrum(loop, effects, encoder_resolution, f) / chosen.rms(f) ** 2
-        return float(np.sum(half * weights * density))
-
-    previous = present = total(edges)
-    for _ in range(_MOST_HALVINGS):
-        edges = np.sort(np.concatenate([edges, (edges[1:] + edges[:-1]) / 2]))
-        previous, present = present, total(edges)
-        if abs(present - previous) <= _AGREE * present:
-            return float(np.sqrt(present))
-    raise LoopError(
-        f"the vibration spectrum does not settle: {present:g} after {previous:g}; the loop rings "
-        "too sharply. Give it more damping or less gain"
-    )

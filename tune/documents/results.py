@@ -158,8 +158,6 @@ class AuditDetails(Details, total=False):
     sustained_force: float
     peak_force: float
     ripple: float | None
-    vibration: float | None
-    vibration_over_threshold: float | None
     one_count: dict[str, float]
     wall: dict[str, Any]
     speed: float

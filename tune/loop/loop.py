@@ -12,7 +12,7 @@ v = tan(ωT/2), w = jv, and v runs from 0 to ∞ (Nyquist).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import comb
 from typing import TYPE_CHECKING, NamedTuple
@@ -224,13 +224,11 @@ class Transfer(NamedTuple):
     Each is (its degree+1, *shape), ascending in w. Position from force is (T²/m) times
     plant_numerator/plant_denominator, the delay included; force from position is -(m/T²) times
     (alpha·α + beta·β + gamma·γ)/law_denominator. Hence the terms of the loop: free is
-    plant_denominator·law_denominator, that of each effect plant_numerator times its numerator. The
-    plant's denominator serves the handle's position too.
+    plant_denominator·law_denominator, that of each effect plant_numerator times its numerator.
     """
 
     plant_numerator: FloatArray
     plant_denominator: FloatArray
-    handle_numerator: FloatArray
     law_denominator: FloatArray
     alpha: FloatArray
     beta: FloatArray
@@ -461,7 +459,7 @@ def _closed(plant: HoldEquivalent, law: Law, delta: FloatArray) -> Loop:
         terms=_padded(*(shaped(term.value) for term in terms)),
         sizes=_padded(*(shaped(term.size) for term in terms)),
         transfer=Transfer(
-            *(shaped(part.value) for part in (plant.numerator, plant.denominator, plant.handle)),
+            *(shaped(part.value) for part in (plant.numerator, plant.denominator)),
             *(shaped(part.value) for part in (law.denominator, *laws)),
         ),
         scales=(one, one, one),
@@ -506,7 +504,7 @@ def stack_loops(loops: Sequence[Loop]) -> Loop:
     return Loop(
         terms=Terms(*map(joined, zip(*(loop.terms for loop in loops), strict=True))),
         sizes=Terms(*map(joined, zip(*(loop.sizes for loop in loops), strict=True))),
-        transfer=Transfer(*(joined(parts, lift=k < 3) for k, parts in enumerate(transfers))),
+        transfer=Transfer(*(joined(parts, lift=k < 2) for k, parts in enumerate(transfers))),
         scales=(stiffness, damping, mass),
         grounded=loops[0].grounded,
     )
@@ -546,41 +544,24 @@ class ClosedLoop:
         roots[: found.size] = found
         return roots
 
-    def hertz(self, v: float) -> float:
-        """The frequency f = atan(v)/(πT) of a place v on the axis."""
-        return float(np.arctan(v) / (np.pi * self.sample_time))
 
-
-def closed_loops(loop: Loop, effects: Effects) -> tuple[list[ClosedLoop], tuple[int, ...]]:
-    """Every loop of the broadcast shape, in order, and that shape.
+def closed_loop(loop: Loop, effects: Effects) -> ClosedLoop:
+    """A loop of shape () with single values of effects.
 
     Where nothing holds the position the pole of free motion, w = 0, is divided out of D and N.
     """
     closed, _ = loop.polynomial(effects)
-    shape = closed.shape[1:]
     added = np.zeros_like(closed)
     for term, value in zip(loop.terms[1:], loop.dimensionless_effects(effects), strict=True):
         if value is not None:
-            added += spread(term, shape) * value
-    free = np.broadcast_to(spread(loop.terms.free, shape), closed.shape)
-    times = np.broadcast_to(loop.scales[0] / loop.scales[1], shape).reshape(-1)
+            added += term * value
     drop = loop.lowest_power(effects)
-    columns = [part[drop:].reshape(len(part) - drop, -1) for part in (free, added, closed)]
-    return [
-        ClosedLoop(
-            open=columns[0][:, i],
-            added=columns[1][:, i],
-            closed=columns[2][:, i],
-            sample_time=float(time),
-        )
-        for i, time in enumerate(times)
-    ], shape
-
-
-def for_each(loop: Loop, effects: Effects, answer: Callable[[ClosedLoop], float]) -> FloatArray:
-    """One number of each closed loop, in the broadcast shape."""
-    loops, shape = closed_loops(loop, effects)
-    return np.array([answer(one) for one in loops]).reshape(shape)
+    return ClosedLoop(
+        open=loop.terms.free[drop:],
+        added=added[drop:],
+        closed=closed[drop:],
+        sample_time=float(loop.scales[0] / loop.scales[1]),
+    )
 
 
 def _polished(roots: ComplexArray, polynomial: FloatArray) -> ComplexArray:

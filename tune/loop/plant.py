@@ -3,15 +3,13 @@
 The device as a controller meets it, before it has any filters. In units of the mass and the sample
 time, d0 = s² + δs + k is the rigid mass on its damper and on the slope of its own force by
 position, di = s² + 2ζΩs + Ω² a mode and h = μs² + ηs + κ the hand. With participations e at the
-encoder and p at the handle (1 for the rigid mass) position over force is N/D, handle over force
-H/D,
+encoder and p at the handle (1 for the rigid mass) position over force is N/D,
 
     D = Π di + h·Σ pi² Π_{j≠i} dj                                  (matrix determinant lemma)
     N = Σ ei² Π_{j≠i} dj + h·Σ_{i<j} (ei·pj - ej·pi)² Π_{l≠i,j} dl     (Sherman-Morrison, Lagrange)
-    H = Σ ei·pi Π_{j≠i} dj
 
 Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then
-split into real quadratic factors and N, H into partial fractions over them. Close poles make the
+split into real quadratic factors and N into partial fractions over them. Close poles make the
 terms of those large, and with them the sizes of what is put together from them.
 
 **The zero-order hold** of x'' + a·x' + b·x = u in units of the sample time, with the force F[k-1]
@@ -286,7 +284,7 @@ class _Grip(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """(r0 + r1·s)/(s² + a·s + b) of the motion at encoder and handle, arrays of one shape.
+    """(r0 + r1·s)/(s² + a·s + b) of the motion at the encoder, arrays of one shape.
 
     Sizes of whatever comes of a and b grow by the factor ``blur``.
     """
@@ -294,8 +292,7 @@ class _Part(NamedTuple):
     a: FloatArray
     b: FloatArray
     blur: FloatArray
-    encoder: Polynomial
-    handle: Polynomial
+    share: Polynomial
 
 
 def _vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> _Vibration:
@@ -325,13 +322,9 @@ def _parts_of(
     """Blocks of a mechanism; without a hand the rigid mass and each mode are their own."""
     one, zero = np.ones_like(delta), np.zeros_like(delta)
     if grip is None:
-        rigid = Polynomial.exact(one, zero)
-        parts = [_Part(delta, spring, one, rigid, rigid)]
-        for mode in modes:
-            encoder = Polynomial.exact(mode.encoder**2, zero)
-            handle = Polynomial.exact(mode.encoder * mode.handle, zero)
-            parts.append(_Part(mode.damping, mode.stiffness, one, encoder, handle))
-        return tuple(parts)
+        rigid = _Part(delta, spring, one, Polynomial.exact(one, zero))
+        shares = ((mode, Polynomial.exact(mode.encoder**2, zero)) for mode in modes)
+        return rigid, *(_Part(m.damping, m.stiffness, one, share) for m, share in shares)
     if not modes:
         mass = 1 + grip.mass
         share = Polynomial.exact(1 / mass, zero)
@@ -341,7 +334,7 @@ def _parts_of(
             _cancelled(damping, np.abs(delta) + grip.damping),
             _cancelled(stiffness, np.abs(spring) + grip.stiffness),
         )
-        return (_Part(damping / mass, stiffness / mass, blur, share, share),)
+        return (_Part(damping / mass, stiffness / mass, blur, share),)
     return _coupled(delta, spring, modes, grip)
 
 
@@ -376,14 +369,12 @@ def _coupled(
             for j in range(i + 1, count)
         ),
     )
-    seen = others(0).plus(*(others(i).scaled(encoder[i] * handle[i]) for i in range(1, count)))
     lead = denominator.value[-1]
     quadratics = split_into_quadratics(denominator.scaled(1 / lead))
-    first = split_fractions(numerator.scaled(1 / lead), quadratics)
-    second = split_fractions(seen.scaled(1 / lead), quadratics)
+    shares = split_fractions(numerator.scaled(1 / lead), quadratics)
     return tuple(
-        _Part(factor.a, factor.b, factor.blur, at_encoder, at_handle)
-        for factor, at_encoder, at_handle in zip(quadratics, first, second, strict=True)
+        _Part(factor.a, factor.b, factor.blur, share)
+        for factor, share in zip(quadratics, shares, strict=True)
     )
 
 
@@ -396,14 +387,13 @@ LONGEST_DELAY = 22
 
 
 class HoldEquivalent(NamedTuple):
-    """Position of encoder (numerator) and handle from held force, over T²/m, in w.
+    """Position at the encoder from held force, over T²/m, in w.
 
-    The numerators hold 1-w to the power ``early``, the denominator 1+w to the power ``late``; what
+    The numerator holds 1-w to the power ``early``, the denominator 1+w to the power ``late``; what
     is left of position is the sum of the blocks, (numerator, denominator).
     """
 
     numerator: Polynomial
-    handle: Polynomial
     denominator: Polynomial
     early: int
     late: int
@@ -490,10 +480,8 @@ def ideal_equivalent(delta: FloatArray, samples: int) -> HoldEquivalent:
     plant = Plant.at(delta)
     top = Polynomial.exact(plant.psi, plant.chi)
     bottom = Polynomial.exact(0.0, 2.0).times(Polynomial.exact(plant.loss, 1 + plant.epsilon))
-    numerator = _repeated(EARLY, samples + 1).times(top)
     return HoldEquivalent(
-        numerator=numerator,
-        handle=numerator,
+        numerator=_repeated(EARLY, samples + 1).times(top),
         denominator=_repeated(LATE, samples).times(bottom),
         early=samples + 1,
         late=samples,
@@ -506,31 +494,25 @@ def _general_equivalent(
 ) -> HoldEquivalent:
     """Any mechanism behind any delay, the time constant of the actuator in samples."""
     numerators: list[Polynomial] = []
-    handles: list[Polynomial] = []
     denominators: list[Polynomial] = []
-    at_lag: list[tuple[Polynomial, Polynomial]] = []
+    at_lag: list[Polynomial] = []
     for part in parts:
         factors = block(part.a, part.b, fraction)
-        encoder, handle = part.encoder, part.handle
+        share = part.share
         if lag is not None:
-            encoder, encoder_lag = _behind_lag(part, part.encoder, lag)
-            handle, handle_lag = _behind_lag(part, part.handle, lag)
-            at_lag.append((encoder_lag, handle_lag))
-        for found, share in ((numerators, encoder), (handles, handle)):
-            both = _weighted(factors.position, share, 0).plus(_weighted(factors.rate, share, 1))
-            found.append(_blurred(both, part.blur))
+            share, behind = _behind_lag(part, lag)
+            at_lag.append(behind)
+        both = _weighted(factors.position, share, 0).plus(_weighted(factors.rate, share, 1))
+        numerators.append(_blurred(both, part.blur))
         denominators.append(_blurred(factors.denominator, part.blur))
     if lag is not None:
         held, line = _lag_factors(lag, fraction)
         denominators.append(line)
-        for found, which in ((numerators, 0), (handles, 1)):
-            share = at_lag[0][which].plus(*(each[which] for each in at_lag[1:]))
-            found.append(held.times(share))
+        numerators.append(held.times(at_lag[0].plus(*at_lag[1:])))
     late = samples if fraction is None else samples + 1
     early = _repeated(EARLY, samples + 1)
     return HoldEquivalent(
         numerator=early.times(_over_all(numerators, denominators)),
-        handle=early.times(_over_all(handles, denominators)),
         denominator=_repeated(LATE, late).times(*denominators),
         early=samples + 1,
         late=late,
@@ -563,13 +545,13 @@ def _blurred(polynomial: Polynomial, blur: FloatArray) -> Polynomial:
     return Polynomial(value=polynomial.value, size=polynomial.size * blur)
 
 
-def _behind_lag(part: _Part, share: Polynomial, lag: FloatArray) -> tuple[Polynomial, Polynomial]:
+def _behind_lag(part: _Part, lag: FloatArray) -> tuple[Polynomial, Polynomial]:
     """(r0 + r1·s)/(s²+as+b)/(1+τs) as a fraction over each; the second is a constant.
 
     With n = 1 - aτ + bτ²: r0' = (r0(1 - aτ) + r1·bτ)/n, r1' = (r1 - r0·τ)/n, and over 1+τs
     (r0·τ² - r1·τ)/n.
     """
-    (r0, r1), (s0, s1) = share.value, share.size
+    (r0, r1), (s0, s1) = part.share.value, part.share.size
     a, b = part.a, part.b
     common = 1 - a * lag + b * lag * lag
     sizes = 1 + np.abs(a) * lag + np.abs(b) * lag * lag

@@ -433,12 +433,6 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
     if found.ripple is not None:
         allowed = f"at most {design.ripple_limit:g}"
         yield "force ripple from the encoder", f"{found.ripple:.3g} {force} rms", allowed
-    if found.vibration is not None:
-        share, ratio = "", found.vibration_over_threshold
-        if ratio is not None:
-            share = f", {ratio:.2g} of what is felt: {'felt' if ratio > 1 else 'not felt'}"
-        seen = f"{found.vibration:.2g} {units['length']} rms{share}"
-        yield "vibration of the handle", seen, "-"
     for name, jump in found.jumps.items():
         yield f"one count through {name}", f"{jump:.3g} {force}", "-"
     speed = f"{design.elements[ELEMENT].motion.speed:g} {units['speed']}"
@@ -446,11 +440,12 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
         yield "as a wall that only pushes, a free device", words, "-"
     if margins is None:
         return
-    disk, passive = margins.disk, margins.passivity
     yield "slowest decay", f"{margins.decay:.4g} 1/s", "-"
     yield "least damping ratio", f"{margins.damping_ratio:.3g}", "-"
     yield "phase margin", f"{margins.phase:.3g}°", "-"
-    yield "disk margin", f"{disk.balanced:.3g} at {disk.balanced_hz:.3g} Hz", "-"
+    seen = f"{margins.disk:.3g} at {margins.critical_frequency_hz:.3g} Hz"
+    yield "disk margin", seen, "-"
+    passive = found.passivity
     seen = "not applicable: " + passive.reason
     if passive.damping_needed is not None:
         above = f"{passive.damping_needed:.5g} {units['damping']}"

@@ -19,7 +19,6 @@ from tune.documents.profile import SafeProfile
 from tune.documents.results import DETAILS, Result
 from tune.documents.scene import Scene
 from tune.exporters import Exported
-from tune.rendering import ThresholdCurve
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -29,7 +28,6 @@ _MODELS: dict[str, type[Document]] = {
     "scene": Scene,
     "excitation": ExcitationSpec,
     "perception": PerceptionTable,
-    "vibration": ThresholdCurve,
     "profile": SafeProfile,
 }
 

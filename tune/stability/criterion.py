@@ -370,16 +370,10 @@ class Passivity:
     reason: str = ""
 
 
-def passivity(
-    device: Device,
-    effects: Effects,
-    filters: Filters | None = None,
-    *,
-    extra_delay_samples: float = 0.0,
-) -> Passivity:
+def passivity(device: Device, effects: Effects, filters: Filters | None = None) -> Passivity:
     """Whether a device is passive at its best estimate, whatever passive hand holds it."""
     time, reason = device.sample_time.value, ""
-    delay = device.delay.value / time + extra_delay_samples
+    delay = device.delay.value / time
     if device.modes:
         reason = "the mechanism vibrates; the condition is proved for a rigid device"
     elif device.current_lag is not None:

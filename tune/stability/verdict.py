@@ -507,43 +507,6 @@ _NOTHING = 1e-15
 _MOST_STEPS = 80
 
 
-def last_kept(
-    room: Callable[[float], float],
-    kept: float,
-    broken: float,
-    *,
-    room_kept: float,
-    room_broken: float,
-    close: float,
-) -> float:
-    """The last place seen to keep to a limit, ``close`` to one that does not.
-
-    Regula falsi with the Illinois rule (Dowell and Jarratt, BIT 11, 1971, p. 168), halvings where a
-    value is infinite. The room is what a place leaves to the limit, negative beyond it, as at
-    ``broken``, which lies above ``kept``; it may be infinite, and may jump.
-    """
-    last = 0
-    for _ in range(_MOST_STEPS):
-        if broken - kept <= close:
-            break
-        part = 0.5
-        if np.isfinite(room_kept) and np.isfinite(room_broken):
-            part = float(np.clip(room_kept / (room_kept - room_broken), 0.0, 1.0))
-        # A step that ends on the limit must leave room on both sides to end the search.
-        place = float(np.clip(kept + part * (broken - kept), kept + close / 2, broken - close / 2))
-        found = room(place)
-        # An end that stays twice counts half, so that both ends move.
-        if found >= 0:
-            kept, room_kept = place, found
-            room_broken = room_broken / 2 if last > 0 else room_broken
-            last = 1
-        else:
-            broken, room_broken = place, found
-            room_kept = room_kept / 2 if last < 0 else room_kept
-            last = -1
-    return kept
-
-
 def last_within(
     value: Callable[[float], float], limit: float, top: float, first: float = 0.0
 ) -> float:
@@ -551,7 +514,8 @@ def last_within(
 
     Narrowed on logarithms from the top, the largest size looked at, or from ``first``; where the
     limit is kept there, sizes below do not matter. A value that is nan is beyond any limit. 0 where
-    no size was seen to keep it.
+    no size was seen to keep it. Regula falsi with the Illinois rule (Dowell and Jarratt, BIT 11,
+    1971, p. 168), halvings where a value is infinite.
     """
 
     def room(size: float) -> float:
@@ -572,12 +536,23 @@ def last_within(
         # In proportion, as the ripple of a small effect is, and a little less.
         low *= min(0.5, 0.9 * float(np.exp(room_low)) if np.isfinite(room_low) else 0.1)
         room_low = room(low)
-    end = last_kept(
-        lambda place: room(float(np.exp(place))),
-        float(np.log(low)),
-        float(np.log(high)),
-        room_kept=room_low,
-        room_broken=room_high,
-        close=CLOSE,
-    )
-    return float(np.exp(end))
+    kept, broken, last = float(np.log(low)), float(np.log(high)), 0
+    for _ in range(_MOST_STEPS):
+        if broken - kept <= CLOSE:
+            break
+        part = 0.5
+        if np.isfinite(room_low) and np.isfinite(room_high):
+            part = float(np.clip(room_low / (room_low - room_high), 0.0, 1.0))
+        # A step that ends on the limit must leave room on both sides to end the search.
+        place = float(np.clip(kept + part * (broken - kept), kept + CLOSE / 2, broken - CLOSE / 2))
+        found = room(float(np.exp(place)))
+        # An end that stays twice counts half, so that both ends move.
+        if found >= 0:
+            kept, room_low = place, found
+            room_high = room_high / 2 if last > 0 else room_high
+            last = 1
+        else:
+            broken, room_high = place, found
+            room_low = room_low / 2 if last < 0 else room_low
+            last = -1
+    return float(np.exp(kept))

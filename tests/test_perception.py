@@ -1,4 +1,4 @@
-"""Steps, chances and studies of perception, with a floor of Weber's law, and own tables."""
+"""Perceived steps, with a floor of Weber's law, the Weber fractions shipped, and own tables."""
 
 from __future__ import annotations
 
@@ -27,8 +27,6 @@ from tune import (
     SafeProfile,
     Scale,
     Scene,
-    Study,
-    chance_to_tell_apart,
     check,
     default_table,
     optimise,
@@ -70,57 +68,39 @@ def test_steps_are_the_integral_of_webers_law_with_a_floor(
         assert float(found) == pytest.approx(steps, rel=1e-5)
 
 
-def test_one_step_is_told_in_84_percent_of_forced_choices() -> None:
-    device = load_device("homerehab")
-    table = default_table()
-    one = Scale.of("mass", device, table, MOTION).value_at(1.0, 1)
-    telling = chance_to_tell_apart("mass", 0.0, one, device=device)
-    assert telling.steps.value == pytest.approx(1)
-    assert telling.forced_choice.value == pytest.approx(0.8413, abs=1e-4)
-    assert chance_to_tell_apart("mass", one, one, device=device).forced_choice.value == 0.5
-
-
-NORMAL = NormalDist()
-
 TABLE = """\
 schema: haptune/perception/1
 name: mine
 stiffness: {value: 0.23, source: a paper, people: 11}
 damping: {value: 0.2, low: 0.15, high: 0.3, source: a paper}
-mass: {source: ours, study: {equal_right: 30, equal_trials: 50, different_right: 40,
-  different_trials: 50, lower: 2.0, upper: 3.0}}
+mass: {value: 0.22, source: ours}
 force_threshold: {value: 0.2, source: a paper}
 torque_threshold: {value: 0.01, source: a paper}
 """
 
 
-def test_a_table_of_ones_own_by_fraction_and_by_counts(tmp_path: Path) -> None:
+def test_a_table_of_ones_own(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(TABLE, encoding="utf-8")
     table = load_document(PerceptionTable, path)
-    c, shift = NORMAL.inv_cdf(0.8), NORMAL.inv_cdf(0.8)
-    assert table.mass.value == pytest.approx(1.5 ** (1 / (c + shift)) - 1)
     device = load_device("homerehab")
-    plain = chance_to_tell_apart("stiffness", 500.0, 700.0, device=device, table=table)
-    assert plain.steps.value == pytest.approx(math.log(1.4) / math.log(1.23))
-    assert plain.forced_choice.low is None
-    assert plain.answers is None
-    ranged = chance_to_tell_apart("damping", 0.0, 10.0, device=device, table=table)
-    assert ranged.forced_choice.low == pytest.approx(NORMAL.cdf(math.log(2) / math.log(1.3)))
+    plain = Scale.of("mass", device, table, MOTION).estimate(3.0, table.mass)
+    assert plain.value == pytest.approx(math.log(2) / math.log(1.22))
+    assert (plain.low, plain.high) == (None, None)
+    ranged = Scale.of("damping", device, table, MOTION).estimate(10.0, table.damping)
+    assert ranged.low == pytest.approx(math.log(2) / math.log(1.3))
 
 
 #: what the refusal must say, what is replaced, by what
 WRONG = (
-    ("give either value or study", "value: 0.23, ", ""),
+    ("stiffness.value: is missing", "value: 0.23, ", ""),
     ("give low and high together", "low: 0.15, ", ""),
     ("needs low <= value <= high", "low: 0.15", "low: 0.25"),
     ("less than 10", "value: 0.23", "value: 23.0"),
     ("schema is 'haptune/scene/1'", "haptune/perception/1", "haptune/scene/1"),
     ("people", "people: 11", "people: 0"),
     ("stiffness.stated: is no key", "value: 0.23", "stated: 0.23"),
-    ("mass.study.lower: is missing", "lower: 2.0, ", ""),
     ("damping: is missing", "damping: {value: 0.2, low: 0.15, high: 0.3, source: a paper}\n", ""),
-    ("50 of 50 right", "different_right: 40", "different_right: 50"),
 )
 
 
@@ -168,18 +148,12 @@ def test_on_light_devices_a_step_is_the_smallest_force(name: str, effect: Effect
     assert scale.reference < scale.corner
     for part in (0.1, 0.5, 1.0):
         assert scale.steps(part * floor) == pytest.approx(part)
-    telling = chance_to_tell_apart(
-        effect, scale.reference, scale.reference + floor, device=load_device(name)
-    )
-    assert telling.steps.value == pytest.approx(1.0)
 
 
 def test_a_hand_that_is_slow_feels_less_of_a_damper() -> None:
-    device = load_device("stylus")
+    device, table = load_device("stylus"), default_table()
     found = [
-        chance_to_tell_apart(
-            "damping", 0.0, 0.05, device=device, motion=Motion(speed=speed, acceleration=2.0)
-        ).steps.value
+        Scale.of("damping", device, table, Motion(speed=speed, acceleration=2.0)).steps(0.05)
         for speed in (0.02, 0.2, 2.0)
     ]
     assert found[:2] == pytest.approx([0.01, 0.1])
@@ -228,57 +202,14 @@ def test_check_counts_steps_with_the_floor_and_refuses_others(
             check(path)
 
 
-#: Table 2: the areas by stiffness (N/m), damping (N·s/m), mass (kg); area 1 in every trial, ...
-AREA_1 = (500.0, 0.0, 0.0)
-#: ... and area 2 in each of the seven.
-AREA_2 = (
-    (1000.0, 0.0, 0.0),
-    (500.0, 10.0, 0.0),
-    (500.0, 0.0, 1.0),
-    (1000.0, 10.0, 0.0),
-    (1000.0, 0.0, 1.0),
-    (500.0, 10.0, 1.0),
-    (1000.0, 10.0, 1.0),
-)
-COLUMN: dict[EffectName, int] = {"stiffness": 0, "damping": 1, "mass": 2}
-#: Section 3.2.
-PEOPLE = 20
-#: Table 3 as printed: successes of 60 equal and of 80 different pairs.
-TABLE_3: dict[EffectName, tuple[int, int]] = {
-    "stiffness": (27, 77),
-    "damping": (45, 77),
-    "mass": (31, 61),
-}
-#: Table 3: the success rates with equal and with different settings as printed, %.
+#: Table 3 as printed: of 60 equal and of 80 different pairs those that were told rightly, %.
 PRINTED: dict[EffectName, tuple[float, float]] = {
     "stiffness": (45.0, 96.25),
     "damping": (75.0, 96.25),
     "mass": (51.67, 76.25),
 }
-#: What the device itself adds to what is felt (section 3: m ≈ 3 kg, b almost 10 N·s/m).
-OWN: dict[EffectName, float] = {"stiffness": 0, "mass": 3, "damping": 10}
-
-
-def _study(effect: EffectName) -> Study:
-    study = default_table().fraction(effect).study
-    assert study is not None
-    return study
-
-
-@pytest.mark.parametrize("effect", EFFECTS)
-def test_the_shipped_counts_are_those_of_tables_2_and_3(effect: EffectName) -> None:
-    study, column = _study(effect), COLUMN[effect]
-    equal = sum(area[column] == AREA_1[column] for area in AREA_2)
-    right_equal, right_different = TABLE_3[effect]
-    percent_equal, percent_different = PRINTED[effect]
-    assert study.equal_trials == equal * PEOPLE
-    assert study.different_trials == (len(AREA_2) - equal) * PEOPLE
-    assert (study.equal_right, study.different_right) == (right_equal, right_different)
-    assert 100 * right_equal / study.equal_trials == pytest.approx(percent_equal, abs=0.005)
-    assert 100 * right_different / study.different_trials == pytest.approx(percent_different)
-    settings = sorted(OWN[effect] + area[column] for area in (AREA_1, AREA_2[-1]))
-    assert [study.lower, study.upper] == settings
-    assert default_table().fraction(effect).people == PEOPLE
+#: Ratio of the two settings that were shown, with what the device itself adds (section 3).
+RATIO: dict[EffectName, float] = {"stiffness": 2.0, "damping": 2.0, "mass": 4 / 3}
 
 
 @pytest.mark.parametrize(
@@ -288,64 +219,34 @@ def test_the_shipped_counts_are_those_of_tables_2_and_3(effect: EffectName) -> N
 def test_weber_fractions_of_the_paper(
     effect: EffectName, sensitivity: float, percent: float
 ) -> None:
-    """d' and w from the printed rates by the mpmath quantile, and as the theory states them."""
+    """d' and w from the counts by the mpmath quantile, and as the theory states them."""
     import mpmath
 
-    equal, different = (rate / 100 for rate in PRINTED[effect])
-    c = math.sqrt(2) * float(mpmath.erfinv(equal))
-    exact = c + math.sqrt(2) * float(mpmath.erfinv(2 * different - 1))
-    study = _study(effect)
-    assert study.sensitivity() == pytest.approx(exact, abs=2e-4)  # rates are printed to 0.01 %
-    assert study.sensitivity() == pytest.approx(sensitivity, abs=5e-4)
-    assert 100 * default_table().fraction(effect).value == pytest.approx(percent, abs=0.05)
-
-
-def test_the_paper_calls_damping_best_and_mass_least_discriminated() -> None:
-    """Section 5, though mass was shown at a smaller ratio: its Weber fraction is the least."""
-    order = sorted(EFFECTS, key=lambda effect: _study(effect).sensitivity())
-    assert order == ["mass", "stiffness", "damping"]
-    assert default_table().mass.value < default_table().damping.value
+    equal, different = (
+        round(n * rate / 100) for n, rate in zip((60, 80), PRINTED[effect], strict=True)
+    )
+    c = mpmath.sqrt(2) * mpmath.erfinv(mpmath.mpf(equal) / 60)
+    exact = c + mpmath.sqrt(2) * mpmath.erfinv(2 * mpmath.mpf(different) / 80 - 1)
+    assert float(exact) == pytest.approx(sensitivity, abs=5e-4)
+    found = default_table().fraction(effect)
+    assert found.value == pytest.approx(RATIO[effect] ** (1 / float(exact)) - 1, rel=1e-12)
+    assert 100 * found.value == pytest.approx(percent, abs=0.05)
+    assert found.people == 20
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_the_prediction_gives_back_the_rates_of_the_study(effect: EffectName) -> None:
-    device = load_device("homerehab")
-    low, high = (area[COLUMN[effect]] for area in (AREA_1, AREA_2[-1]))
-    different = chance_to_tell_apart(effect, low, high, device=device).answers
-    same = chance_to_tell_apart(effect, high, high, device=device).answers
-    assert different is not None
-    assert same is not None
-    equal_share, different_share = (rate / 100 for rate in PRINTED[effect])
-    assert different.right.value == pytest.approx(different_share, abs=1e-4)
-    assert same.equal.value == pytest.approx(equal_share, abs=1e-4)
-    assert same.right.value == pytest.approx(same.wrong.value)
-
-
-@pytest.mark.parametrize(
-    ("effect", "low", "high"),
-    [("stiffness", 25, 43), ("damping", 21, 32), ("mass", 17, 31)],
-)
-def test_intervals_lie_where_resampling_puts_them(effect: EffectName, low: int, high: int) -> None:
-    """The theory's ranges, percentiles of resampled counts; these cover up to 2 % more above."""
-    found = default_table().fraction(effect).estimate()
-    assert found.low is not None
-    assert found.high is not None
-    assert 100 * found.low == pytest.approx(low, abs=2)
-    assert 100 * found.high == pytest.approx(high, abs=2.1)
-
-
-#: what the refusal must say, changed counts
-REFUSED: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("80 of 80 right bounds no threshold", {"different_right": 80}),
-    ("60 of 60 right", {"equal_right": 60}),
-    ("greater than 0", {"equal_right": 0}),
-    ("hardly better than by guessing", {"different_right": 8}),
-    ("must exceed lower", {"lower": 4.0, "upper": 3.0}),
-)
-
-
-@pytest.mark.parametrize(("words", "change"), REFUSED, ids=str)
-def test_counts_that_bound_no_threshold_are_refused(words: str, change: dict[str, Any]) -> None:
-    content = _study("mass").model_dump() | change
-    with pytest.raises(ValueError, match=words):
-        Study.model_validate(content)
+def test_intervals_are_those_of_the_counts(effect: EffectName) -> None:
+    """95 % of Jeffreys' posterior of both rates, by chance draws of it."""
+    lot, normal = np.random.default_rng(0), NormalDist()
+    equal, different = (
+        round(n * rate / 100) for n, rate in zip((60, 80), PRINTED[effect], strict=True)
+    )
+    draws = zip(
+        lot.beta(equal + 0.5, 60 - equal + 0.5, 40_000),
+        lot.beta(different + 0.5, 80 - different + 0.5, 40_000),
+        strict=True,
+    )
+    felt = [normal.inv_cdf((1 + e) / 2) + normal.inv_cdf(d) for e, d in draws]
+    high, low = RATIO[effect] ** (1 / np.quantile(felt, [0.025, 0.975])) - 1
+    found = default_table().fraction(effect)
+    assert (found.low, found.high) == pytest.approx((low, high), rel=0.01)

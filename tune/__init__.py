@@ -20,8 +20,6 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.documents.perception import (
         PerceptionTable,
         Scale,
-        Study,
-        chance_to_tell_apart,
         default_table,
     )
     from tune.documents.profile import SafeProfile, load_profile
@@ -79,14 +77,12 @@ __all__ = [
     "SafeProfile",
     "Scale",
     "Scene",
-    "Study",
     "TuneError",
     "Verification",
     "audit",
     "calibrate",
     "candidates",
     "candidates_picture",
-    "chance_to_tell_apart",
     "check",
     "compare",
     "compare_candidates",
@@ -118,7 +114,7 @@ _HOMES = {
     "judging": "Audit Change Comparison audit compare",
     "certificate.check": "CheckReport check",
     "documents": "CheckFailedError LoopError NoFeasibleEffectError TuneError",
-    "documents.perception": "PerceptionTable Scale Study chance_to_tell_apart default_table",
+    "documents.perception": "PerceptionTable Scale default_table",
     "documents.profile": "SafeProfile load_profile",
     "documents.scene": "Effects Element Scene load_scene",
     "exporters": "export",

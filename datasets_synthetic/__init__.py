@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from datasets_synthetic.device import Clock, Faults, Hand, Rig, Vibration, named_rig, rig_of
-    from datasets_synthetic.law import Calls, Controller, Element, Servo
+    from datasets_synthetic.law import Calls, Controller, Servo, VirtualElement
     from datasets_synthetic.rehearsal import Rehearsal, Trial, rehearse
     from datasets_synthetic.scenarios import (
         SCENARIOS,
@@ -31,7 +31,6 @@ __all__ = [
     "Calls",
     "Clock",
     "Controller",
-    "Element",
     "Faults",
     "ForceSignal",
     "Hand",
@@ -43,6 +42,7 @@ __all__ = [
     "Trial",
     "Truth",
     "Vibration",
+    "VirtualElement",
     "bundled_path",
     "fit_to_limits",
     "log_text",
@@ -58,7 +58,7 @@ __all__ = [
 
 _HOMES = {
     "device": "Clock Faults Hand Rig Vibration named_rig rig_of",
-    "law": "Calls Controller Element Servo",
+    "law": "Calls Controller VirtualElement Servo",
     "rehearsal": "Rehearsal Trial rehearse",
     "scenarios": "SCENARIOS ForceSignal Scenario bundled_path fit_to_limits log_text multisine run"
     " run_batch scenario_named",

@@ -205,7 +205,7 @@ class _Transitions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Element(Batched):
+class VirtualElement(Batched):
     """Effects that act as one; numbers, or arrays of shape (batch,).
 
     The force is -clamp(u) with u = K·(reading - place) + B·velocity + M·acceleration: between
@@ -246,7 +246,7 @@ class Controller(Batched):
         velocity_filter, acceleration_filter: "low-pass", or "tracking".
         velocity_window_samples: n samples over which the velocity is (q[k] - q[k-n])/(n·T) instead
             of the backward difference, without any filter; 1 is the backward difference itself.
-        side: -1 or 1 of a wall, which pushes to that side only; 0 to both. See ``Element``.
+        side: -1 or 1 of a wall, which pushes to that side only; 0 to both. See ``VirtualElement``.
         place: where the spring is relaxed, m (rad).
         beside: elements that act with these effects.
         calls: what is asked of them all while they play; None for everything, always.
@@ -274,7 +274,7 @@ class Controller(Batched):
     velocity_window_samples: int | IntArray = 1
     side: int | IntArray = 0
     place: float | FloatArray = 0.0
-    beside: tuple[Element, ...] = ()
+    beside: tuple[VirtualElement, ...] = ()
     calls: Calls | None = None
 
     def __post_init__(self) -> None:
@@ -304,12 +304,12 @@ class Controller(Batched):
         return max(sizes + [size for each in self.beside for size in each.sizes()])
 
     @property
-    def elements(self) -> tuple[Element, ...]:
+    def elements(self) -> tuple[VirtualElement, ...]:
         """The effects as one element, if there are any, and those beside them."""
         sizes = self.stiffness, self.damping, self.mass
         if self.beside and not any(np.any(each) for each in sizes):
             return self.beside
-        own = Element(
+        own = VirtualElement(
             stiffness=self.stiffness,
             damping=self.damping,
             mass=self.mass,
@@ -323,7 +323,7 @@ class Controller(Batched):
         laws = self.members(which).elements
         return {
             each.name: np.stack([per_member(getattr(e, each.name), which.size) for e in laws])
-            for each in fields(Element)
+            for each in fields(VirtualElement)
         }
 
     def members(self, which: NDArray[np.intp]) -> Controller:

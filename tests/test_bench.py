@@ -13,11 +13,11 @@ from datasets_synthetic import (
     SCENARIOS,
     Calls,
     Controller,
-    Element,
     Hand,
     Rehearsal,
     Rig,
     Vibration,
+    VirtualElement,
     bundled_path,
     named_rig,
     rehearse,
@@ -201,7 +201,7 @@ def test_a_damper_switched_against_it_shakes_a_wall_beyond_its_proof_only(
 ) -> None:
     """A wall of so many times 1154 N/m beside a fluid of 82 N·s/m."""
     gain = np.array([quiet, loud])
-    beside = Element(stiffness=1154.0 * gain, side=-1), Element(damping=82.0 * gain)
+    beside = VirtualElement(stiffness=1154.0 * gain, side=-1), VirtualElement(damping=82.0 * gain)
     rig = replace(HOMEREHAB, delay=delay * T, coulomb_friction=0.0)
     walls = Controller(velocity_filter_hz=72.55, beside=beside)
     found = rehearse(rig, walls, force_allowed=10.0, duration=0.6)
@@ -212,23 +212,25 @@ def test_a_damper_switched_against_it_shakes_a_wall_beyond_its_proof_only(
 #: HomeRehab's wall of 12 kN/m, and what may be between two of them.
 WALL: dict[str, Any] = {"stiffness": 12_000.0, "damping": 70.0, "level": 14.0}
 BETWEEN = {
-    "nothing": Element(),
-    "ice": Element(damping=-6.0, fade_time=0.1),
-    "cup": Element(mass=1.0, fade_time=0.1),
-    "feather": Element(mass=-0.5, fade_time=0.1),
-    "rubber": Element(stiffness=1400.0, level=14.0),
-    "water": Element(damping=20.0),
+    "nothing": VirtualElement(),
+    "ice": VirtualElement(damping=-6.0, fade_time=0.1),
+    "cup": VirtualElement(mass=1.0, fade_time=0.1),
+    "feather": VirtualElement(mass=-0.5, fade_time=0.1),
+    "rubber": VirtualElement(stiffness=1400.0, level=14.0),
+    "water": VirtualElement(damping=20.0),
 }
 
 
 def between(name: str, **calls: Any) -> Controller:
     """Two walls as near as they may stand, or one that a hand leans on, and one of these."""
     walls = np.array([1, 0])
-    other = replace(Element(**WALL), stiffness=12_000.0 * walls, damping=70.0 * walls, side=walls)
+    other = replace(
+        VirtualElement(**WALL), stiffness=12_000.0 * walls, damping=70.0 * walls, side=walls
+    )
     return Controller(
         velocity_filter_hz=50.0,
         acceleration_filter_hz=30.0,
-        beside=(Element(**WALL, side=-1), other, BETWEEN[name]),
+        beside=(VirtualElement(**WALL, side=-1), other, BETWEEN[name]),
         calls=Calls(**calls),
     )
 
@@ -248,7 +250,7 @@ def test_whatever_is_called_between_walls_it_ends_no_faster_and_comes_to_rest(na
 
 def test_a_hand_leans_on_a_wall_and_pushes_beyond_what_it_gives() -> None:
     """Half of what the clamp gives holds; a tenth more moves on, and comes back when let go."""
-    wall = Element(stiffness=2000.0, damping=60.0, side=-1, level=10.0)
+    wall = VirtualElement(stiffness=2000.0, damping=60.0, side=-1, level=10.0)
     law = Controller(velocity_filter_hz=50.0, beside=(wall,))
     found = play(HOMEREHAB, law)
     assert found.settles
@@ -265,7 +267,7 @@ def test_a_release_is_no_farther_than_the_spring_brings_back_in_time() -> None:
         encoder_resolution=0.0005983,
         force_limit=0.891,
     )
-    spring = Element(stiffness=66.86, level=0.891)
+    spring = VirtualElement(stiffness=66.86, level=0.891)
     found = play(rig, Controller(beside=(spring,)), duration=2.6, force_allowed=0.049)
     assert of(found, "release") == {"settles"}
 

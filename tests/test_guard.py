@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from datasets_synthetic import Calls, Controller, Element
+from datasets_synthetic import Calls, Controller, VirtualElement
 from datasets_synthetic.law import ControlLaw
 from tests.entered_scenes import made
 from tests.exported import FADE, LOOPS, STEP, Array, changed, poles, tuned
@@ -112,7 +112,7 @@ def test_the_simulator_plays_what_the_guard_plays(tmp_path: Path) -> None:
     profile = made("homerehab", scene, together=(("rubber", "water", "cup"),), speed=4.0)
     faces = {"wall": (-1, 0.004), "wall 2": (1, -0.006)}
     beside = [
-        Element(
+        VirtualElement(
             stiffness=element.stiffness,
             damping=element.damping,
             mass=element.mass,

@@ -24,7 +24,7 @@ from tune import (
     profile_sheet,
 )
 from tune.cli.session import Session
-from tune.presentation.regions import Boundaries
+from tune.presentation.limits import Boundaries
 
 DEVICE = load_device("homerehab")
 #: A name that matplotlib would take for a broken formula.

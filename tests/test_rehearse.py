@@ -9,7 +9,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from datasets_synthetic import Calls, Controller, Element, Rehearsal, Rig, rehearse
+from datasets_synthetic import Calls, Controller, Rehearsal, Rig, VirtualElement, rehearse
 from identification import ForceLimit, SlopeRange, as_stored, load_device, load_mapping, quantity
 from tests.commands import haptune
 from tests.entered_scenes import made
@@ -193,7 +193,7 @@ def test_what_is_pushed_through_a_wall_that_is_cut_comes_to_rest_within_a_trial(
     )
     settles = {}
     for damping in (2.0, 5.3):
-        wall = Element(stiffness=1000.0, damping=damping, level=10.0, side=-1, place=0.0)
+        wall = VirtualElement(stiffness=1000.0, damping=damping, level=10.0, side=-1, place=0.0)
         law = Controller(beside=(wall,), calls=Calls(taps=1), velocity_filter_hz=float("inf"))
         (played,) = rehearse(rig, law, duration=1.0)
         settles[damping] = played.settles

@@ -23,15 +23,6 @@ HOSTILE = '</script><script>alert(1)</script>"><img src=x onerror=alert(2)>$x^{$
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
-#: Turns the region with a key and writes what came of it into the title.
-_TURN = (
-    "<script>const c = document.getElementById('region'), y = c.dataset.yaw;"
-    "window.onerror = (m) => { document.title = 'error ' + m; };"
-    "window.requestAnimationFrame = (draw) => draw();"
-    "c.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}));"
-    "document.title += ' yaw ' + y + ' to ' + c.dataset.yaw + ' width ' "
-    "+ document.documentElement.scrollWidth;</script>"
-)
 
 
 class _Parsed(HTMLParser):
@@ -69,25 +60,11 @@ def _page() -> str:
 
 def test_a_name_is_text_wherever_it_stands() -> None:
     parsed = _Parsed(_page())
-    assert parsed.tags.count("script") == 2
+    assert "script" not in parsed.tags
     assert "x" not in [value for name, value in parsed.attributes if name == "src"]
     assert not [name for name, _ in parsed.attributes if name.startswith("on")]
     text = "".join(parsed.words)
     assert HOSTILE in text
-
-
-def test_the_surface_holds_the_elements_within_the_cube() -> None:
-    text = _page()
-    inside = re.search(r'id="surface">(.*?)</script>', text, re.DOTALL)
-    assert inside
-    surface = json.loads(inside.group(1))
-    assert [each["name"] for each in surface["elements"]] == [HOSTILE]
-    heights = [height for row in surface["margin"] for height in row]
-    assert 0 <= min(heights) <= max(heights) <= 1
-    assert max(heights) > 0.5
-    assert all(0 <= place <= 1 for place in surface["elements"][0]["at"])
-    for axis in surface["axes"]:
-        assert all(-1e-9 <= place <= 1 + 1e-9 for place, _ in axis["ticks"])
 
 
 def test_the_page_needs_no_network_and_says_what_it_is_not() -> None:
@@ -140,9 +117,9 @@ def test_only_a_profile_that_passes_with_its_own_logs_gets_a_report(
 @pytest.mark.long
 @pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
 @pytest.mark.parametrize("width", [360, 1200])
-def test_a_browser_opens_turns_and_prints_it(width: int, tmp_path: Path) -> None:
+def test_a_browser_opens_and_prints_it(width: int, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
-    page.write_text(_page().replace("</body>", f"{_TURN}</body>"), encoding="utf-8")
+    page.write_text(_page(), encoding="utf-8")
     options = [f"--user-data-dir={tmp_path / 'user'}", f"--window-size={width},900"]
     options += ["--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
 
@@ -150,11 +127,6 @@ def test_a_browser_opens_turns_and_prints_it(width: int, tmp_path: Path) -> None
         command = [str(BROWSER), *options, *more, page.as_uri()]
         return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
 
-    seen = browse("--dump-dom")
-    assert "CONSOLE" not in seen.stderr
-    found = re.search(r"<title>.* yaw (\S+) to (\S+) width (\d+)", seen.stdout)
-    assert found, seen.stdout[:500]
-    assert float(found.group(2)) == pytest.approx(float(found.group(1)) + 0.1)
-    assert int(found.group(3)) <= max(width, 500)  # a window of a browser is no narrower
+    assert "CONSOLE" not in browse("--dump-dom").stderr
     browse(f"--print-to-pdf={tmp_path / 'report.pdf'}")
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")

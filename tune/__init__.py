@@ -42,7 +42,6 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from tune.optimisation.calibration import calibrate
     from tune.presentation.pictures import profile_picture, profile_sheet, region_picture
     from tune.rendering import (
-        CountJump,
         count_jump,
         force_ripple,
     )
@@ -64,7 +63,6 @@ __all__ = [
     "CheckFailedError",
     "CheckReport",
     "Comparison",
-    "CountJump",
     "Effects",
     "Element",
     "Filters",
@@ -123,7 +121,7 @@ _HOMES = {
     "optimisation": "Alternative candidates candidates_picture compare_candidates optimise what_if",
     "optimisation.calibration": "calibrate",
     "presentation.pictures": "profile_picture profile_sheet region_picture",
-    "rendering": "CountJump count_jump force_ripple",
+    "rendering": "count_jump force_ripple",
     "stability.criterion": "Passivity damping_needed",
     "stability.verdict": "gain_interval is_stable largest safe_gain stable_gains verdict",
     "verification": "Verification verify",

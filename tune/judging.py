@@ -40,7 +40,15 @@ from tune.documents.profile import (
     SafeProfile,
     WorstPoint,
 )
-from tune.documents.scene import DEFAULT_MOTION, EFFECT_NAMES, LARGEST, Effects, MarginName, Scene
+from tune.documents.scene import (
+    DEFAULT_MOTION,
+    EFFECT_NAMES,
+    LARGEST,
+    EffectName,
+    Effects,
+    MarginName,
+    Scene,
+)
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
 from tune.optimisation import SLACK, design_of
@@ -106,7 +114,7 @@ class Audit(Tabular):
     peak: float
     ripple: float | None
     wall: Contact
-    jumps: dict[str, float]
+    jumps: dict[EffectName, float]
     faults: tuple[Fault, ...]
     nearest: Effects | None
     certificate: Certificate | None
@@ -196,7 +204,7 @@ def audit(
     extra = problem.margin.extra_delay_samples
     sustained, peak = (float(force) for force in forces(combination, sizes))
     total, one = problem.effects(combination, sizes), SizedMoment(problem, combination, sizes)
-    used = used_filters(filters, total)
+    used, count = used_filters(filters, total), device.encoder_resolution
     return Audit(
         design=design,
         gain=gain,
@@ -207,7 +215,9 @@ def audit(
         peak=peak,
         ripple=noise,
         wall=contact(design.device, problem.region.box, problem.filters, wall, extra),
-        jumps=_jumps(device, total, filters),
+        jumps={}
+        if count is None
+        else count_jump(total, device.sample_time.value, count.value, filters),
         faults=faults,
         nearest=_nearest(task, filters) if faults and refusal is None else None,
         certificate=certificate,
@@ -276,15 +286,6 @@ def _as_judged(device: Device, samples: float) -> Device:
     shift = {name: getattr(delay, name) + samples * step for name in ("value", "low", "high")}
     later = {"delay": delay.model_copy(update=shift)}
     return device.model_copy(update={**dict.fromkeys(device.unstated()), **later})
-
-
-def _jumps(device: Device, effects: Effects, filters: Filters) -> dict[str, float]:
-    """Force of one count through each effect that is there, N."""
-    if device.encoder_resolution is None:
-        return {}
-    jump = count_jump(effects, device.sample_time.value, device.encoder_resolution.value, filters)
-    present = zip(EFFECT_NAMES, effects.arrays(), strict=True)
-    return {name: getattr(jump, name) for name, value in present if value is not None}
 
 
 def _nearest(task: DesignTask, filters: Filters) -> Effects | None:

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from identification import Box, Device, round_to_digits
 from tune.documents.estimators import DIFFERENCES, Derivative, filter_of, leads
 from tune.documents.profile import Contact, ElementProfile, Rendered
-from tune.documents.scene import Effects
+from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.polynomials import h2_squared, product, spread
-from tune.loop.state_space import restitution
+from tune.loop.state_space import law_states, restitution
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -260,15 +260,6 @@ _FEWEST_SAMPLES = 3
 _MOST_SAMPLES = 100_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CountJump:
-    """Largest force that a single encoder count commands through each effect, N (N·m)."""
-
-    stiffness: float
-    damping: float
-    mass: float
-
-
 def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> FloatArray:
     """Force ripple from encoder quantisation, N rms (N·m if rotary).
 
@@ -310,10 +301,11 @@ def law_numerator(loop: Loop, effects: Effects) -> FloatArray | None:
 
 def count_jump(
     effects: Effects, sample_time: float, encoder_resolution: float, filters: Filters | None = None
-) -> CountJump:
-    """The force that one count commands: KΔ, and BΔ/T and MΔ/T² without filters.
+) -> dict[EffectName, float]:
+    """The force, N (N·m), that one count commands through each effect that is there.
 
-    With a filter it is the largest sample of the filtered answer to a step of one count.
+    KΔ, and BΔ/T and MΔ/T² without filters; with one the largest sample of the filtered answer to a
+    step of one count.
 
     Args:
         effects: single values.
@@ -322,20 +314,19 @@ def count_jump(
         filters: of velocity and acceleration.
     """
     filters = filters or Filters()
-    K, B, M = (0.0 if gain is None else abs(float(gain)) for gain in effects.arrays())
-    velocity = 1 / (sample_time * (filters.velocity_window_samples or 1))
-    if filters.velocity_filter_hz is not None and B:
-        alone = replace(filters, acceleration_filter_hz=None)
-        velocity = _largest_answer(alone, "beta", filters.velocity_filter_hz, sample_time)
-    acceleration = 1 / sample_time**2
-    if filters.acceleration_filter_hz is not None and M:
-        alone = replace(filters, velocity_filter_hz=None, velocity_window_samples=None)
-        acceleration = _largest_answer(alone, "gamma", filters.acceleration_filter_hz, sample_time)
-    return CountJump(
-        stiffness=K * encoder_resolution,
-        damping=B * velocity * encoder_resolution,
-        mass=M * acceleration * encoder_resolution,
-    )
+    cutoffs = (None, filters.velocity_filter_hz, filters.acceleration_filter_hz)
+    found: dict[EffectName, float] = {}
+    for name, size, cutoff in zip(EFFECT_NAMES, effects.arrays(), cutoffs, strict=True):
+        if size is not None:
+            values = (float(size) if name == each else 0.0 for each in EFFECT_NAMES)
+            law = law_states(filters, sample_time, *values)
+            periods = 0 if cutoff is None else math.ceil(_PERIODS / (cutoff * sample_time))
+            state, most = np.zeros(len(law.drive)), 0.0
+            for _ in range(min(_FEWEST_SAMPLES + periods, _MOST_SAMPLES)):
+                most = max(most, abs(float(law.command @ state) + law.direct))
+                state = law.update @ state + law.drive
+            found[name] = most * encoder_resolution
+    return found
 
 
 def ripple_energy(
@@ -352,40 +343,3 @@ def ripple_energy(
     root2 = float(np.sqrt(2.0))
     widened = [bottom[0], *(a + b for a, b in pairwise(bottom)), bottom[-1]]
     return h2_squared([root2 * item for item in top], widened)
-
-
-def _largest_answer(
-    filters: Filters, name: Literal["beta", "gamma"], cutoff: float, sample_time: float
-) -> float:
-    """Largest answer of one filtered estimate to a unit step of position, 1/s or 1/s²."""
-    # The law does not know the device: any mass will do.
-    loop = Loop.from_numbers(mass=1.0, damping=0.0, sample_time=sample_time, filters=filters)
-    parts = (getattr(loop.transfer, name), loop.transfer.law_denominator)
-    order = max(len(part) for part in parts) - 1
-    numerator, denominator = (_in_inverse_z(part, order) for part in parts)
-    samples = _FEWEST_SAMPLES + int(np.ceil(_PERIODS / (cutoff * sample_time)))
-    answer = _step_answer(numerator, denominator, min(samples, _MOST_SAMPLES))
-    scale = loop.scales[1 if name == "beta" else 2]
-    return float(max(map(abs, answer)) * scale / loop.scales[0])
-
-
-def _step_answer(numerator: FloatArray, denominator: FloatArray, samples: int) -> list[float]:
-    """Answer of a filter, ascending in 1/z, to a step; scipy.signal takes longer to import."""
-    leading = float(denominator[0])
-    inputs = (np.cumsum(numerator) / leading).tolist()  # each sample of the step adds one term
-    back = (denominator[:0:-1] / leading).tolist()
-    answer: list[float] = [0.0] * len(back)
-    for sample in range(samples):
-        past = sum(a * y for a, y in zip(back, answer[sample : sample + len(back)], strict=True))
-        answer.append(inputs[min(sample, len(inputs) - 1)] - past)
-    return answer[len(back) :]
-
-
-def _in_inverse_z(part: FloatArray, order: int) -> FloatArray:
-    """(1+w)^order-fold multiple of a polynomial in w, ascending in 1/z, w = (1-1/z)/(1+1/z)."""
-    total = np.zeros(order + 1)
-    for power, coefficient in enumerate(part):
-        minus = np.polynomial.polynomial.polypow([1.0, -1.0], power)
-        plus = np.polynomial.polynomial.polypow([1.0, 1.0], order - power)
-        total += float(coefficient) * np.convolve(minus, plus)
-    return total

@@ -24,7 +24,7 @@ from tune.documents import CheckFailedError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from datasets_synthetic import Controller, Element, Rig
+    from datasets_synthetic import Controller, Rig, VirtualElement
     from identification import Excitation
     from tune.documents.profile import Design, ElementProfile
 
@@ -507,11 +507,11 @@ def _corridor(wall: ElementProfile, other: ElementProfile) -> float:
     return here * wall.motion.speed + there * other.motion.speed
 
 
-def _column(parts: Sequence[_Part | None]) -> Element:
+def _column(parts: Sequence[_Part | None]) -> VirtualElement:
     """One part of each combination, or none of it, as one element of the batch."""
     import numpy as np
 
-    from datasets_synthetic import Element
+    from datasets_synthetic import VirtualElement
 
     rows = [(0.0, 0.0, 0.0, np.inf, 0.0, 0, 0.0)] * len(parts)
     for row, part in enumerate(parts):
@@ -521,4 +521,4 @@ def _column(parts: Sequence[_Part | None]) -> Element:
             rows[row] = (*sizes, one.force_level or np.inf, one.fade_time, side, place)
     columns = np.array(rows, dtype=np.float64).T
     names = ("stiffness", "damping", "mass", "level", "fade_time", "side", "place")
-    return Element(**dict(zip(names, columns, strict=True)))  # pyright: ignore[reportArgumentType]
+    return VirtualElement(**dict(zip(names, columns, strict=True)))  # pyright: ignore[reportArgumentType]

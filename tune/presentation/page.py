@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 from tune.documents.profile import Design, LimitedBy
 from tune.documents.scene import UNITS
 from tune.exporters import NOT_A_SAFETY_FUNCTION
-from tune.presentation.regions import Boundaries, region_surface
+from tune.presentation.limits import Boundaries, effect_uses
 from tune.presentation.tables import (
     alternatives_table,
     certificate_lines,
@@ -23,7 +23,6 @@ from tune.presentation.tables import (
     filters_in_words,
     verdict_on,
 )
-from tune.presentation.uses import effect_uses
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +43,6 @@ def report_html(
 
     It shows what its logs tell, where they are at hand, and what would help, where somebody asked.
     """
-    boundaries = Boundaries.of(safe)
     written = (day or date.today()).isoformat()
     return _rendered(
         "report.html",
@@ -56,7 +54,7 @@ def report_html(
             "effects": _table(elements_table(safe)),
             "notes": safe.notes,
             "limits": _limits(safe),
-            "pictures": list(_pictures(safe, boundaries)),
+            "pictures": list(_pictures(safe)),
             "device": _table(device_table(safe.device)),
             "log_pictures": [] if found is None else [_fit(safe, found)],
             "findings": () if found is None else found.findings,
@@ -66,9 +64,7 @@ def report_html(
             "alternatives": alternatives and _table(alternatives_table(alternatives)),
             "day": written,
         },
-        surface=region_surface(safe, boundaries),
         running=_css_text(f"{'serial ' + _stated(safe.device.serial)}, {safe.digest}"),
-        script=_text("report.js"),
     )
 
 
@@ -211,7 +207,7 @@ def _picture(figure: Figure, words: str) -> dict[str, str]:
     return {"words": words, "source": f"data:image/svg+xml;base64,{coded}"}
 
 
-def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[dict[str, str]]:
+def _pictures(safe: SafeProfile) -> Iterator[dict[str, str]]:
     from tune.presentation.pictures import (
         element_picture,
         region_picture,
@@ -219,6 +215,7 @@ def _pictures(safe: SafeProfile, boundaries: Boundaries) -> Iterator[dict[str, s
         words_of_shown,
     )
 
+    boundaries = Boundaries.of(safe)
     yield _picture(
         region_picture(safe, boundaries=boundaries), "The region without mass with every element."
     )

@@ -21,8 +21,16 @@ from tune.documents.profile import Design, ElementProfile, SafeProfile
 from tune.documents.scene import UNITS, format_number
 from tune.loop.loop import filters_of
 from tune.loop.state_space import Corner, SampledLoop, corners_of, exponential
-from tune.presentation.regions import BLUE, Boundaries, draw_region, draw_slice, set_small_title
-from tune.presentation.uses import draw_effect_uses, draw_limits, short_name
+from tune.presentation.limits import (
+    BLUE,
+    Boundaries,
+    draw_effect_uses,
+    draw_limits,
+    draw_region,
+    draw_slice,
+    set_small_title,
+    short_name,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

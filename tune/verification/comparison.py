@@ -1,8 +1,7 @@
 """The one verb: does a low-gain closed-loop log behave as its profile predicts? And its picture.
 
 Clock and encoder of the log, the law, free motion and delay in their own files, and the force
-ripple of the encoder against the closed form, above the band of motion. The picture shows motion in
-its predicted envelope, force beside its law, and each comparison.
+ripple of the encoder against the closed form, above the band of motion.
 """
 
 # matplotlib types its keyword arguments only in part.
@@ -11,7 +10,7 @@ its predicted envelope, force beside its law, and each comparison.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from textwrap import shorten
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,12 +22,13 @@ from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import UNITS, Effects
 from tune.loop.loop import Loop, filters_of
+from tune.loop.polynomials import value_at
+from tune.rendering import law_numerator
 from tune.verification.delay import MeasuredDelay, judge_delay, unknown_delay
 from tune.verification.law import (
     Log,
     MeasuredCutoff,
     Outcome,
-    Verdict,
     combination_in_words,
     combinations_of,
     measured_cutoffs,
@@ -85,6 +85,9 @@ _RUNG = 9.0
 _PLACES = 4096
 #: Seen against predicted, either way.
 _RIPPLE_TOLERANCE = 0.25
+
+#: Of a picture: inches, and letters of a line of verdicts.
+_INCHES, _LETTERS = (9.0, 7.5), 110
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -400,47 +403,19 @@ def _ripple(
 
 def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> FloatArray:
     """|C/(1 + G·C)| at angles on the unit circle, N/m, shape of ``turn``."""
-    w = 1j * np.tan(turn / 2)
-    parts = loop.transfer
-    law = np.zeros_like(w)
-    for numerator, size in zip(
-        (parts.alpha, parts.beta, parts.gamma), loop.dimensionless_effects(effects), strict=True
-    ):
-        if size is not None:
-            law = law + np.polynomial.polynomial.polyval(w, numerator) * float(size)
-    closed, _ = loop.polynomial(effects)
-    plant = np.polynomial.polynomial.polyval(w, parts.plant_denominator)
-    below = np.polynomial.polynomial.polyval(w, closed)
-    return np.abs(law * plant / below) / float(loop.scales[0])
-
-
-#: Inches.
-_WIDTH, _HEIGHT = 12.0, 7.5
-_COLORS: dict[Verdict, str] = {
-    "agrees": "#009E73",
-    "disagrees": "#D55E00",
-    "cannot tell": "#E69F00",
-    "not assessed": "0.5",
-}
-#: Letters of a line.
-_LETTERS = 74
-#: Height of a comparison, of its name, and of its two bars, in parts of a line of text.
-_BLOCK, _SEEN, _PREDICTED = 4.0, 1.0, 1.75
-#: Room on both sides of the ranges, part of all that they span; and the least of a range.
-_ROOM, _LEAST = 0.25, 0.006
+    v, law, (closed, _) = np.tan(turn / 2), law_numerator(loop, effects), loop.polynomial(effects)
+    if law is None:
+        return np.zeros_like(turn)
+    through = value_at(law, v) * value_at(loop.transfer.plant_denominator, v)
+    return np.abs(through / value_at(closed, v)) / float(loop.scales[0])
 
 
 def verification_picture(profile: Design, seen: Verification) -> Figure:
-    """Motion, force and what the law leaves of it; beside them each comparison, seen and predicted.
-
-    What agrees is green, what disagrees red and lies outside of its predicted range.
-    """
+    """Motion in its predicted envelope, force beside its law, what the law leaves; verdicts."""
     from identification import NotebookFigure, legend_above
 
-    figure = NotebookFigure(figsize=(_WIDTH, _HEIGHT), layout="constrained")
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.7, 1))
-    above = figure.add_subplot(grid[0, 0])
-    below, left = (figure.add_subplot(grid[row, 0], sharex=above) for row in (1, 2))
+    figure = NotebookFigure(figsize=_INCHES, layout="constrained")
+    above, below, left = figure.subplots(3, 1, sharex=True)
     units = UNITS[profile.device.motion]
     _motion(above, profile, seen)
     above.set_ylabel(f"position, {units['length']}")
@@ -453,12 +428,10 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     left.set_xlabel("time, s")
     for axes in (above, below, left):
         legend_above(axes)
-    _draw_measured(figure.add_subplot(grid[:, 1]), seen)
     gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
-    figure.suptitle(
-        f"{seen.source}: {combination_in_words(seen.elements)}{gain} on {profile.device.name}",
-        fontsize=10,
-    )
+    title = f"{seen.source}: {combination_in_words(seen.elements)}{gain} on {profile.device.name}"
+    verdicts = "; ".join(f"{each.check}: {each.verdict}" for each in seen.outcomes)
+    figure.suptitle(f"{title}\n{fill(verdicts, _LETTERS)}", fontsize=10)
     return figure
 
 
@@ -532,58 +505,3 @@ def _envelope(
     if decay == 0:
         return np.maximum(start - rate * since, 0.0)
     return np.maximum((start + rate / decay) * np.exp(-decay * since) - rate / decay, 0.0)
-
-
-def _ranges_of(seen: Verification) -> dict[str, tuple[Range, Range]]:
-    """(seen, predicted) of every comparison that is one of two ranges, by its check."""
-    found: dict[str, tuple[Range, Range]] = {
-        f"{each.name} filter": ((each.low, each.high), (each.stated, each.stated))
-        for each in seen.cutoffs
-    }
-    motion = seen.motion
-    if motion is not None and motion.measured is not None:
-        one, other = motion.measured, motion.prediction
-        for check, value, half, expected in (
-            ("frequency", one.frequency, one.frequency_half, other.frequency),
-            ("decay", one.decay, one.decay_half, other.decay),
-        ):
-            found[check] = ((value - half, value + half), expected)
-    allowed = seen.delay.allowed
-    if allowed is not None and allowed.delays is not None:
-        found["delay"] = (allowed.delays, allowed.stated)
-    return found
-
-
-def _draw_measured(axes: Axes, seen: Verification) -> None:
-    """Every comparison in words; those of two ranges also as bars on one scale."""
-    ranges = _ranges_of(seen)
-    axes.set_axis_off()
-    axes.set_xlim(0, 1)
-    axes.set_ylim(-_BLOCK * max(len(seen.outcomes), 6), 0.6)
-    for place, each in enumerate(seen.outcomes):
-        top, color = -_BLOCK * place, _COLORS[each.verdict]
-        axes.text(0, top, f"{each.check}: {each.verdict}", color=color, fontsize=9, weight="bold")
-        both = None if each.verdict == "not assessed" else ranges.get(each.check)
-        words = (
-            ("", each.seen)
-            if each.verdict == "not assessed"
-            else (f"seen {each.seen}", f"predicted {each.predicted}")
-        )
-        for line, text in zip((_SEEN, _PREDICTED), words, strict=True):
-            axes.text(
-                0, top - line, shorten(text, _LETTERS, placeholder="…"), fontsize=7, va="center"
-            )
-        if both is not None:
-            _draw_ranges(axes, top - _PREDICTED - 0.7, both, color)
-
-
-def _draw_ranges(axes: Axes, y: float, both: tuple[Range, Range], color: str) -> None:
-    """The seen range above the predicted one."""
-    low, high = min(side[0] for side in both), max(side[1] for side in both)
-    room = _ROOM * ((high - low) or abs(high) or 1.0)
-    low, high = low - room, high + room
-    axes.plot([0, 1], [y - 0.2] * 2, color="0.85", lw=0.6)
-    for (start, end), shift, drawn in ((both[0], 0.0, color), (both[1], -0.45, "k")):
-        first, last = ((value - low) / (high - low) for value in (start, end))
-        middle, half = (first + last) / 2, max((last - first) / 2, _LEAST)
-        axes.barh(y + shift, 2 * half, left=middle - half, height=0.4, color=drawn, alpha=0.8, lw=0)

@@ -1,4 +1,7 @@
-"""The part of each limit that an element uses, in numbers, words and bars."""
+"""What limits a design: the boundaries of its stable region, the part of each limit it uses.
+
+Both in numbers and as pictures: the region in damping and stiffness, limits in words and bars.
+"""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false
@@ -10,19 +13,198 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from identification import legend_above
 from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, LimitedBy
-from tune.documents.scene import UNITS
+from tune.documents.scene import UNITS, Effects, format_number
+from tune.loop.loop import Filters, Loop, filters_of
+from tune.optimisation.region import DelayedLoops, Region
 from tune.presentation.tables import four_digits
+from tune.stability.verdict import largest, stable_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+FloatArray = NDArray[np.float64]
+
+#: Colours that colour-blind readers tell apart.
+BLUE, VERMILION = "#0072B2", "#D55E00"
+
+#: Parts of the margin's gain at which a point is judged: every gain below is to be stable too.
+_PARTS = (0.25, 0.5, 0.75, 1.0)
+#: Damping of a device that has as good as none, as a scale.
+_LEAST_SCALE = 1e-9
+#: Dampings at which the boundaries of a slice are computed.
+_PLACES = 160
+#: What is drawn of a slice goes this much beyond what is played or may be.
+_BEYOND = 1.15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Boundaries:
+    """The largest stiffness for given damping and mass, on the device of a design."""
+
+    nominal: Loop  # at the best estimate
+    corners: tuple[DelayedLoops, ...]  # of the box, at every delay up to the margin's
+    gain: float  # of the margin
+    damping: float  # of the device itself at its best estimate, N·s/m: a scale
+
+    @classmethod
+    def of(cls, design: Design, filters: Filters | None = None) -> Boundaries:
+        """On the device, hand and filters of a design; other filters where they are given."""
+        used = filters or filters_of(design.loop)
+        extra = design.margin.extra_delay_samples
+        region = Region.of(design.device, design.hand, extra=extra)
+        return cls(
+            nominal=Loop.from_parts(design.device, used),
+            corners=region.loops(used, extra),
+            gain=design.margin.gain,
+            damping=max(abs(design.device.damping.value), _LEAST_SCALE),
+        )
+
+    def at_best(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
+        """Largest stable stiffness on the best estimate, of the broadcast shape, N/m."""
+        B, M = np.broadcast_arrays(damping, mass)
+        return largest(self.nominal, "stiffness", Effects(damping=B, mass=_present(M)))
+
+    def at_worst(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
+        """Largest stiffness that is stable at every corner of the box and delay of the device.
+
+        N/m, of the broadcast shape of damping and mass.
+        """
+        return self._least(damping, mass, (1.0,), late=False)
+
+    def with_margin(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
+        """Largest stiffness stable at every corner with the extra delay, at gains up to the margin.
+
+        N/m, of the broadcast shape of damping and mass. Judged at a few gains from zero up; the
+        certificate judges them all.
+        """
+        return self._least(damping, mass, self._gains(), late=True)
+
+    def damping_with_margin(self, stiffness: float, damping: float, mass: float) -> float:
+        """Damping up to which a stiffness and a mass keep the whole margin, from one that does.
+
+        The damping to begin with where not even that keeps the margin.
+        """
+        found: list[float] = []
+        for gain in self._gains():
+            K, M = np.array([gain * stiffness]), np.array([gain * mass])
+            others = Effects(stiffness=_present(K), mass=_present(M))
+            for each in self.corners:
+                low, high = stable_values(each.loop, "damping", others)
+                start = gain * max(damping, 0.0)
+                inside = (low <= start) & (high > start)
+                found.append(float(np.min(np.max(np.where(inside, high, 0.0), axis=0))) / gain)
+        return max(min(found), damping)
+
+    def _gains(self) -> tuple[float, ...]:
+        return tuple(part * self.gain for part in _PARTS)
+
+    def _least(
+        self, damping: FloatArray, mass: FloatArray | float, gains: tuple[float, ...], *, late: bool
+    ) -> FloatArray:
+        """Least over corners and gains, of the broadcast shape."""
+        B, M = np.broadcast_arrays(damping, mass)
+        gain = np.reshape(gains, (-1, *(1,) * (B.ndim + 1)))
+        effects = Effects(damping=gain * B[..., None], mass=_present(gain * M[..., None]))
+        found = [
+            np.min(largest(each.loop, "stiffness", effects) / gain, axis=(0, -1))
+            for each in self.corners
+            if late or each.beyond == 0
+        ]
+        return np.min(found, axis=0)
+
+
+def _present(values: FloatArray) -> FloatArray | None:
+    """An effect that is nowhere is not there at all."""
+    return values if np.any(values) else None
+
+
+def draw_region(
+    axes: Axes,
+    boundaries: Boundaries,
+    mass: float,
+    damping: tuple[float, float],
+    stiffness: float,
+    units: dict[str, str],
+) -> None:
+    """Three boundaries at one mass, kg, on axes that grow as the square root.
+
+    Damping from the least to the largest, N·s/m, and stiffness, N/m, have to be seen.
+    """
+    # From the least that is stable, or zero, to the largest with the whole margin.
+    most = boundaries.damping_with_margin(0.0, damping[1], mass)
+    least = _BEYOND * damping[0]
+    most = _BEYOND * max(most, damping[1], 0.1 * boundaries.damping)
+    grid = _spread(least, most, _PLACES)
+    best = boundaries.at_best(grid, mass)
+    worst = boundaries.at_worst(grid, mass)
+    safe = boundaries.with_margin(grid, mass)
+    axes.set_xscale("function", functions=(_root, _square))
+    axes.set_yscale("function", functions=(_root, _square))
+    axes.fill_between(grid, best, color="0.9", lw=0, label="stable, best estimate")
+    axes.plot(grid, worst, color=VERMILION, lw=1.3, ls="--", label="worst corner of the box")
+    axes.fill_between(grid, safe, color=BLUE, alpha=0.35, lw=0, label="with the whole margin")
+    top = _BEYOND * max(float(np.max(safe)), stiffness) or float(np.max(best))
+    axes.set_xlim(least, most)
+    axes.set_ylim(0, top if top > 0 else 1.0)
+    axes.set_xlabel(f"damping B, {units['damping']} (square-root scale)", fontsize=8)
+    axes.set_ylabel(f"stiffness K, {units['stiffness']} (square-root scale)", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.locator_params(nbins=6)
+    axes.ticklabel_format(style="plain", useOffset=False)
+    legend_above(axes)
+
+
+def draw_slice(
+    axes: Axes, boundaries: Boundaries, element: ElementProfile, units: dict[str, str]
+) -> None:
+    """The plane of one element, its place, and how far from it the boundary of the margin is."""
+    K, B, M = element.stiffness, element.damping, element.mass
+    draw_region(axes, boundaries, M, (min(B, 0.0), max(B, 0.0)), K, units)
+    to_stiffness = float(boundaries.with_margin(np.array(B), M))
+    to_damping = boundaries.damping_with_margin(K, B, M)
+    words: list[str] = []
+    top = float(axes.get_ylim()[1])
+    if to_stiffness > K:
+        axes.plot([B, B], [K, min(to_stiffness, top)], color="k", lw=0.9, ls=":")
+        words.append(f"K up to {format_number(to_stiffness)} {units['stiffness']}")
+    if to_damping > B:
+        end = min(to_damping, float(axes.get_xlim()[1]))
+        axes.plot([B, end], [K, K], color="k", lw=0.9, ls=":", clip_on=False)
+        words.append(f"B up to {format_number(to_damping)} {units['damping']}")
+    axes.plot([B], [K], "ko", ms=6, clip_on=False, zorder=5)
+    left = " or ".join(words) or "nothing"
+    plane = f"plane M = {M:.3g} {units['mass']}, the element alone"
+    set_small_title(axes, f"{plane}\nleft to the whole margin, dotted: {left}")
+
+
+def set_small_title(axes: Axes, words: str) -> None:
+    """A title in small letters above the legend."""
+    axes.set_title(words, fontsize=8, loc="left", pad=16)
+
+
+def _spread(least: float, most: float, count: int) -> FloatArray:
+    """Places that are even on axes that grow as the square root."""
+    low, high = _root(np.array([least, most]))
+    return _square(np.linspace(float(low), float(high), count))
+
+
+def _root(values: FloatArray) -> FloatArray:
+    return np.sign(values) * np.sqrt(np.abs(values))
+
+
+def _square(values: FloatArray) -> FloatArray:
+    return np.sign(values) * np.square(values)
+
+
 #: Of several limits of one kind those bind that are used as much as the most used, nearly.
 _NEARLY = 0.98
 #: A part of a limit beyond which more than rounding is used.
-_BEYOND = 1.001
+_EXCEEDED = 1.001
 #: Mass is felt within this factor of what is asked for.
 _ALIKE = 1.2
 #: Bars are drawn up to this many times a limit.
@@ -56,9 +238,9 @@ def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]
     for effect, reason in element.limited_by.items():
         bound[reason] = (*bound.get(reason, ()), effect)
     found = (
-        *_margins(design, element),
-        *_forces(design, name, units["force"]),
-        *_rendered(design, element),
+        *_margin_uses(design, element),
+        *_force_uses(design, name, units["force"]),
+        *_felt_uses(design, element),
     )
     most = {why: max(part for _, other, part, _ in found if other == why) for _, why, _, _ in found}
     return tuple(
@@ -67,7 +249,7 @@ def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]
     )
 
 
-def _margins(design: Design, element: ElementProfile) -> _Found:
+def _margin_uses(design: Design, element: ElementProfile) -> _Found:
     margin, own = design.margin, element.margins
     if own.gain > 0:
         part = margin.gain / own.gain
@@ -96,7 +278,7 @@ def _in_motion(element: ElementProfile) -> float:
     return _sustained(element) + damping * motion.speed + abs(element.mass) * motion.acceleration
 
 
-def _forces(design: Design, name: str, unit: str) -> _Found:
+def _force_uses(design: Design, name: str, unit: str) -> _Found:
     """Forces of the element, and of the moment with it whose forces are the largest."""
     limit, element = design.device.force_limit, design.elements[name]
     for what, force_of, most in (
@@ -121,7 +303,7 @@ def _forces(design: Design, name: str, unit: str) -> _Found:
         yield "encoder ripple", "ripple", element.ripple / design.ripple_limit, words
 
 
-def _rendered(design: Design, element: ElementProfile) -> _Found:
+def _felt_uses(design: Design, element: ElementProfile) -> _Found:
     """What is felt in motion against what is asked for: damping in steps, mass by its factor."""
     rendered, table, motion = element.rendered, design.perception, element.motion
     if rendered is None or table is None or element.one_sided:
@@ -219,7 +401,7 @@ def _draw_bars(axes: Axes, labels: list[str], bars: list[tuple[float, str, bool]
     """(part, words, whether it binds) from top to bottom; told apart without colour too."""
     places = -np.arange(len(bars))
     for place, (part, words, binds) in zip(places, bars, strict=True):
-        beyond = part > _BEYOND
+        beyond = part > _EXCEEDED
         axes.barh(
             float(place),
             min(part, _LONGEST),

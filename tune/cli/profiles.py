@@ -15,14 +15,17 @@ from typer import Argument, Option
 import identification as ident
 from identification import IdentificationError, InvalidInputError, NotWrittenError, UsageError
 from tune.cli import session as opt
-from tune.cli.asking import HARDWARE, ask_facts, device_stating, write_hardware
 from tune.cli.logs import (
     DEVICE_COMMENT,
+    HARDWARE,
+    ask_facts,
     device_in,
+    device_stating,
     draw_identified,
     identification_details,
     identify_logs,
     read_log,
+    write_hardware,
 )
 from tune.cli.preparation import RestlessError, refuse_restless, template
 from tune.cli.session import Session, command

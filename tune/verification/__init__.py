@@ -1,11 +1,53 @@
-"""Verification: a closed-loop log of the real device against what its profile predicts."""
+"""The one verb: does a low-gain closed-loop log behave as its profile predicts? And its picture.
+
+Clock and encoder of the log, the law, free motion and delay in their own files, and the force
+ripple of the encoder against the closed form, above the band of motion.
+"""
+
+# matplotlib types its keyword arguments only in part.
+# pyright: reportUnknownMemberType=false
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Finding, LogRefusedError, Trajectory, UsageError
+from tune.certificate.certify import refuse_unbalanced
+from tune.documents import LoopError
+from tune.documents.profile import Design, LoopProfile
+from tune.documents.scene import UNITS, Effects
+from tune.loop.loop import Loop, filters_of
+from tune.loop.polynomials import value_at
+from tune.rendering import law_numerator
 from tune.verification.advice import Advice, Play, advise
-from tune.verification.comparison import Verification, verification_picture, verify
-from tune.verification.delay import Kept, MeasuredDelay, margins_of_others
-from tune.verification.law import Outcome
+from tune.verification.delay import (
+    Kept,
+    MeasuredDelay,
+    judge_delay,
+    margins_of_others,
+    unknown_delay,
+)
+from tune.verification.law import (
+    Log,
+    MeasuredCutoff,
+    Outcome,
+    combination_in_words,
+    combinations_of,
+    measured_cutoffs,
+    rms,
+    unassessed_outcome,
+)
+from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
+from tune.verification.motion import MeasuredMotion, binding_stiffness, judge_motion
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = [
     "Advice",
@@ -19,3 +61,466 @@ __all__ = [
     "verification_picture",
     "verify",
 ]
+
+FloatArray = NDArray[np.float64]
+Range = tuple[float, float]
+
+#: Count of the log against the encoder of the device.
+_COUNT_TOLERANCE = 0.02
+#: A grid is seen where neighbouring readings are whole counts apart within this part.
+_ON_GRID = 0.05
+#: A log whose steps differ from the sample time of the profile by more is of another loop.
+_SAMPLE_TIME_TOLERANCE = 0.01
+#: A step this many times the usual one has lost a row, which the filters of the law need.
+_LOST = 1.5
+#: rms of the steps about their mean, as part of it, above which backward differences are not those
+#: of an even clock.
+_MOST_JITTER = 0.05
+#: What the loop of a profile predicts of its motion, and of its slow mode.
+_OF_THE_MOTION = ("frequency", "decay", "ripple")
+_OF_THE_MODE = {"frequency", "decay"}
+#: What must be known to speak of agreement.
+_NEEDED = {
+    "law": "the law that is played",
+    "frequency": "frequency or decay of the free motion",
+    "decay": "frequency or decay of the free motion",
+    "delay": "the margin of the profile at every delay the log allows",
+}
+
+#: The band begins at this many times the frequency of the motion, where nothing of it is left.
+_ABOVE_MOTION = 30.0
+#: And not below this part of Nyquist, where it ends; it must be at least that part of it.
+_LOWEST_EDGE, _NARROWEST = 0.03, 0.5
+#: Order of the Butterworth filter, run forwards and backwards.
+_ORDER = 4
+#: Counts a sample: slower, the rounding error is no white noise (docs/theory.md, 6).
+_SLOWEST = 0.5
+#: Rows in motion that are needed; periods of the band's edge left out around a turn, at which
+#: friction jumps, and at the ends: within them what the filter makes of a jump falls below 1e-4.
+_FEWEST_ROWS, _MARGIN = 100, 4.0
+#: Time constants in which the other modes of the loop fall as far.
+_RUNG = 9.0
+#: Places on the upper half of the unit circle for the ripple of the band.
+_PLACES = 4096
+#: Seen against predicted, either way.
+_RIPPLE_TOLERANCE = 0.25
+
+#: Of a picture: inches, and letters of a line of verdicts.
+_INCHES, _LETTERS = (9.0, 7.5), 110
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verification:
+    """What a log says about its profile.
+
+    Attributes:
+        source: the log.
+        elements: that were played.
+        gain: part of the profile's effects that was played; nan where no law was recognised.
+        outcomes: encoder, law, gain, filters, frequency, decay, ripple and delay, in this order.
+        law: the law that was seen.
+        cutoffs: intervals of the filters in use.
+        motion: the free motion that was seen; None where no law says what to expect.
+        delay: what is known of the delay, and of which elements the log tells that they keep their
+            margin.
+        trajectory: the log.
+    """
+
+    source: str
+    elements: tuple[str, ...]
+    gain: float
+    outcomes: tuple[Outcome, ...]
+    law: MeasuredLaw
+    cutoffs: tuple[MeasuredCutoff, ...]
+    motion: MeasuredMotion | None
+    delay: MeasuredDelay
+    trajectory: Trajectory
+
+    def __repr__(self) -> str:
+        verdicts = ", ".join(f"{each.check}: {each.verdict}" for each in self.outcomes)
+        return (
+            f"Verification({self.source}: {'+'.join(self.elements)} at gain {self.gain:.3g}; "
+            f"{verdicts})"
+        )
+
+    @property
+    def disagreements(self) -> tuple[Outcome, ...]:
+        """What is not as predicted."""
+        return tuple(each for each in self.outcomes if each.verdict == "disagrees")
+
+    @property
+    def assessed(self) -> bool:
+        """Whether enough was compared to speak of agreement.
+
+        The law, frequency or decay, and the margin on every loop that the log allows.
+        """
+        return {"law", "delay"} <= self._compared and bool(self._compared & _OF_THE_MODE)
+
+    @property
+    def _compared(self) -> set[str]:
+        return {each.check for each in self.outcomes if each.verdict in {"agrees", "disagrees"}}
+
+    def refuse_unassessed(self, remedy: str) -> None:
+        """Raise LogRefusedError unless enough was compared to speak of agreement.
+
+        Args:
+            remedy: what to play that tells more.
+        """
+        if self.assessed:
+            return
+        known = self._compared | _OF_THE_MODE if self._compared & _OF_THE_MODE else self._compared
+        needed = {check: words for check, words in _NEEDED.items() if check not in known}
+        raise LogRefusedError(
+            tuple(
+                Finding(
+                    code="delay-unknown" if each.check == "delay" else "not-exciting-damping",
+                    severity="refusal",
+                    seen=each.summary,
+                    needed=needed[each.check],
+                    remedy=remedy if each.check == "delay" else each.remedy,
+                    source=self.source,
+                )
+                for each in self.outcomes
+                if each.check in needed
+            )
+        )
+
+
+def verify(
+    profile: Design,
+    trajectory: Trajectory,
+    *,
+    element: str | None = None,
+    gain: float | None = None,
+    release: float | None = None,
+) -> Verification:
+    """Compare a closed-loop log with what its profile predicts.
+
+    Args:
+        profile: of the device the log was taken on.
+        trajectory: force as the haptic controller commanded it, position as it read it; an element
+            played at a reduced gain, the handle pushed or displaced, and let go.
+        element: "wall", or "wall+water" for what is felt together; None is found out.
+        gain: at which the element was played; None is found out.
+        release: s, in the time of the log, when the hand is off; None is the largest deviation.
+
+    Raises:
+        UsageError: an element that is not in the profile, a log of another axis.
+        LogRefusedError: rows lost, an uneven clock, another sample time.
+        CheckFailedError: a device that no effect can be certified on.
+    """
+    refuse_unbalanced(profile.device)
+    _check_request(profile, trajectory, gain, release)
+    _check_clock(profile, trajectory)
+    law = judge_law(profile, combinations_of(profile, element), trajectory, gain)
+    motion: MeasuredMotion | None = None
+    cutoffs: tuple[MeasuredCutoff, ...] = ()
+    if law.effects is None or law.gain <= 0:
+        why = "no law is known that was played"
+        rest = tuple(unassessed_outcome(check, why) for check in _OF_THE_MOTION)
+        delay = unknown_delay(why)
+    else:
+        try:
+            motion = judge_motion(
+                profile.device,
+                law.loop,
+                law.effects,
+                trajectory.position,
+                law.used,
+                _step(trajectory),
+                0 if release is None else int(np.searchsorted(trajectory.time, release)),
+            )
+            rest = (*motion.outcomes, _ripple(profile, trajectory, law.loop, law.effects, motion))
+            if law.outcomes[0].verdict == "agrees":
+                log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
+                cutoffs = measured_cutoffs(log, law.loop, law.effects)
+                delay = judge_delay(
+                    profile, law.loop, law.elements, law.effects, motion.mode, cutoffs
+                )
+            else:
+                delay = unknown_delay("the law is not the profile's")
+        except LoopError as error:  # the law was compared all the same
+            rest = tuple(unassessed_outcome(check, str(error)) for check in _OF_THE_MOTION)
+            delay = unknown_delay(str(error))
+    filters = tuple(each.outcome for each in cutoffs)
+    return Verification(
+        source=trajectory.source,
+        elements=law.elements,
+        gain=law.gain,
+        outcomes=(_encoder(profile, trajectory), *law.outcomes, *filters, *rest, delay.outcome),
+        law=law,
+        cutoffs=cutoffs,
+        motion=motion,
+        delay=delay,
+        trajectory=trajectory,
+    )
+
+
+def _check_request(
+    profile: Design, trajectory: Trajectory, gain: float | None, release: float | None
+) -> None:
+    device = profile.device
+    for name, seen, known in (
+        ("--axis", trajectory.axis, device.axis),
+        ("motion", trajectory.motion, device.motion),
+    ):
+        if seen is not None and seen != known:
+            what = f"the log is of {seen}, the profile of {known}"
+            raise UsageError(name, what, "Give the log and the profile of one axis")
+    if gain is not None and not (np.isfinite(gain) and gain > 0):
+        raise UsageError("--gain", f"{gain:g} is no gain", "Give a number above 0, usually below 1")
+    begin, end = float(trajectory.time[0]), float(trajectory.time[-1])
+    if release is not None and not begin <= release < end:
+        seen = f"{release:g} s is outside of the log, {begin:g} to {end:g} s"
+        raise UsageError("--release", seen, "Give the instant in the time of the log")
+
+
+def _check_clock(profile: Design, trajectory: Trajectory) -> None:
+    """Refuse a log whose rows are not those of the controller's loop."""
+    steps = np.diff(trajectory.time)
+    usual, stated = float(np.median(steps)), profile.loop.sample_time
+    known = profile.device.sample_time
+    low = min(stated, known.low) * (1 - _SAMPLE_TIME_TOLERANCE)
+    high = max(stated, known.high) * (1 + _SAMPLE_TIME_TOLERANCE)
+    long = int(np.count_nonzero(steps > _LOST * usual))
+    jitter = float(np.std(steps) / np.mean(steps))
+    if not low <= usual <= high:
+        code, seen, needed, remedy = (
+            "dropped-samples" if usual > high else "jitter",
+            f"{trajectory.source} steps by {usual * 1e3:.5g} ms",
+            f"the sample time of the profile, {stated * 1e3:.5g} ms",
+            "Log every sample of the control loop, with time in seconds; if the loop runs at "
+            "another rate, correct the device and tune again.",
+        )
+    elif long:
+        code, seen, needed, remedy = (
+            "dropped-samples",
+            f"{trajectory.source} has {long} gaps, the longest {steps.max() * 1e3:.4g} ms",
+            "every sample, since the filters of the law remember all of them",
+            "Log with a real-time thread, or cut the log to a part without gaps.",
+        )
+    elif jitter > _MOST_JITTER:
+        code, needed = "jitter", f"at most {_MOST_JITTER:.0%}"
+        seen = f"the steps of {trajectory.source} vary by {jitter:.2%} rms"
+        remedy = "Run the controller at a constant rate."
+    else:
+        return
+    said = {"seen": seen, "needed": needed, "remedy": remedy, "source": trajectory.source}
+    raise LogRefusedError((Finding(code=code, severity="refusal", **said),))
+
+
+def _step(trajectory: Trajectory) -> float:
+    return float(trajectory.time[-1] - trajectory.time[0]) / (len(trajectory) - 1)
+
+
+def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
+    """Is the position in the unit of the device, read by its encoder?"""
+    length = UNITS[profile.device.motion]["length"]
+    known = profile.device.encoder_resolution
+    if known is None:
+        return unassessed_outcome("encoder", "the resolution is not in the device")
+    apart = np.diff(np.unique(trajectory.position))
+    counts = np.rint(apart / apart.min())
+    count = float(np.sum(apart) / np.sum(counts))  # the mean, as readings may have few digits
+    if np.any(np.abs(apart / count - counts) > _ON_GRID):
+        return unassessed_outcome("encoder", "the positions lie on no grid")
+    ratio = count / known.value
+    agrees = abs(ratio - 1) <= _COUNT_TOLERANCE
+    return Outcome(
+        check="encoder",
+        verdict="agrees" if agrees else "disagrees",
+        seen=f"positions in steps of {count:.5g} {length}",
+        predicted=f"{known.value:.5g} {length}",
+        tolerance=f"{_COUNT_TOLERANCE:.0%}",
+        numbers={"seen": count, "predicted": known.value, "tolerance": _COUNT_TOLERANCE},
+        remedy=""
+        if agrees
+        else f"The unit of the position looks {ratio:.4g} times too large: state "
+        f"--position-gain {1 / ratio:.4g}; or log more digits; only where the data sheet of the "
+        "encoder says so, state another encoder_resolution and tune again.",
+    )
+
+
+def _ripple(
+    profile: Design,
+    trajectory: Trajectory,
+    loop: LoopProfile,
+    effects: Effects,
+    motion: MeasuredMotion,
+) -> Outcome:
+    """The high-frequency part of the force while the handle moves freely, seen and predicted."""
+    from scipy.signal import butter, sosfiltfilt, sosfreqz
+
+    release, measured, known = motion.release, motion.measured, profile.device.encoder_resolution
+    if release is None or measured is None or known is None:
+        moves = release is not None and measured is not None
+        why = "the encoder resolution is not known" if moves else "no free motion is seen"
+        return unassessed_outcome("ripple", why)
+    free = slice(release.first, release.end)
+    force, position = trajectory.force[free], trajectory.position[free]
+    nominal = motion.prediction.nominal
+    motion_hertz = max(nominal.natural / (2 * np.pi), measured.frequency)
+    force_digit = decimal_digit(trajectory.force)
+    resolution, sample_time = known.value, _step(trajectory)
+    unit = UNITS[profile.device.motion]["force"]
+    nyquist = 0.5 / sample_time
+    edge = max(_ABOVE_MOTION * motion_hertz, _LOWEST_EDGE * nyquist)
+    if edge > (1 - _NARROWEST) * nyquist:
+        why = f"the motion reaches {motion_hertz:.3g} Hz, no band is above"
+        return unassessed_outcome("ripple", why, reached_hz=motion_hertz)
+    # The slowest other mode rings when friction turns.
+    spare = int(max(_MARGIN / edge, _RUNG / nominal.next_decay) / sample_time) + 1
+    if force.size < 2 * spare + _FEWEST_ROWS:
+        why = f"the handle moves freely for {force.size} rows only"
+        return unassessed_outcome("ripple", why, rows=force.size)
+    sections = butter(_ORDER, edge / nyquist, "highpass", output="sos")
+    turn = (np.arange(_PLACES) + 0.5) * np.pi / _PLACES
+    _, answer = sosfreqz(sections, turn)
+    weight = np.abs(np.asarray(answer)) ** 4  # forwards and backwards
+    built = Loop.from_parts(profile.device, filters_of(loop))
+    power = _force_per_position(built, effects, turn) ** 2
+    predicted = resolution * float(np.sqrt(np.mean(power * weight) / 12))
+    if predicted < force_digit:
+        return unassessed_outcome(
+            "ripple",
+            f"{predicted:.2g} {unit} are predicted, the force is logged to {force_digit:g}",
+            predicted=predicted,
+            force_digit=force_digit,
+        )
+    smooth = position - np.asarray(sosfiltfilt(sections, position))
+    moving = np.abs(np.gradient(smooth)) > _SLOWEST * resolution
+    still = np.flatnonzero(~moving)
+    for row in (*still.tolist(), *(turn - release.first for turn in release.turns)):
+        moving[max(0, row - spare) : row + spare] = False
+    moving[:spare] = moving[-spare:] = False
+    count = int(np.count_nonzero(moving))
+    if count < _FEWEST_ROWS:
+        why = f"the handle moves by half a count a sample or more for {count} rows only"
+        return unassessed_outcome("ripple", why, rows=count)
+    rapid = np.asarray(sosfiltfilt(sections, force), dtype=np.float64)[moving]
+    seen = rms(rapid)
+    agrees = 1 / (1 + _RIPPLE_TOLERANCE) <= seen / predicted <= 1 + _RIPPLE_TOLERANCE
+    return Outcome(
+        check="ripple",
+        verdict="agrees" if agrees else "disagrees",
+        seen=f"{seen:.3g} {unit} rms above {edge:.3g} Hz over {count} rows in motion",
+        predicted=f"{predicted:.3g} {unit} rms in that band",
+        tolerance=f"{_RIPPLE_TOLERANCE:.0%}",
+        numbers={
+            "seen": seen,
+            "above_hz": edge,
+            "rows": count,
+            "predicted": predicted,
+            "tolerance": _RIPPLE_TOLERANCE,
+        },
+        remedy=""
+        if agrees
+        else "Check the resolution of the encoder in the device, and look for noise on the "
+        "position, an uneven clock or a vibration of the mechanism.",
+    )
+
+
+def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> FloatArray:
+    """|C/(1 + G·C)| at angles on the unit circle, N/m, shape of ``turn``."""
+    v, law, (closed, _) = np.tan(turn / 2), law_numerator(loop, effects), loop.polynomial(effects)
+    if law is None:
+        return np.zeros_like(turn)
+    through = value_at(law, v) * value_at(loop.transfer.plant_denominator, v)
+    return np.abs(through / value_at(closed, v)) / float(loop.scales[0])
+
+
+def verification_picture(profile: Design, seen: Verification) -> Figure:
+    """Motion in its predicted envelope, force beside its law, what the law leaves; verdicts."""
+    from identification import NotebookFigure, legend_above
+
+    figure = NotebookFigure(figsize=_INCHES, layout="constrained")
+    above, below, left = figure.subplots(3, 1, sharex=True)
+    units = UNITS[profile.device.motion]
+    _motion(above, profile, seen)
+    above.set_ylabel(f"position, {units['length']}")
+    time, said = seen.trajectory.time, "law of the profile on the logged positions"
+    below.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
+    below.plot(time, seen.law.predicted, color="#0072B2", lw=0.8, ls="--", label=said)
+    below.set_ylabel(f"force, {units['force']}")
+    _residual(left, seen)
+    left.set_ylabel(f"force less law, {units['force']}")
+    left.set_xlabel("time, s")
+    for axes in (above, below, left):
+        legend_above(axes)
+    gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
+    title = f"{seen.source}: {combination_in_words(seen.elements)}{gain} on {profile.device.name}"
+    verdicts = "; ".join(f"{each.check}: {each.verdict}" for each in seen.outcomes)
+    figure.suptitle(f"{title}\n{fill(verdicts, _LETTERS)}", fontsize=10)
+    return figure
+
+
+def _residual(axes: Axes, seen: Verification) -> None:
+    """What the law leaves of the force, on the scale of the force where the two disagree."""
+    verdict = next((each.verdict for each in seen.outcomes if each.check == "law"), "agrees")
+    left = seen.trajectory.force - seen.law.predicted
+    color = "#D55E00" if verdict == "disagrees" else "#009E73"
+    axes.plot(seen.trajectory.time, left, color=color, lw=0.8, label=f"law {verdict}")
+    most = float(np.nanmax(np.abs(seen.trajectory.force), initial=0.0))
+    if most > 0:
+        axes.set_ylim(-most, most)
+
+
+def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
+    trajectory, motion = seen.trajectory, seen.motion
+    axes.plot(trajectory.time, trajectory.position, color="0.5", lw=2, label="logged")
+    if motion is None or motion.measured is None:
+        return
+    measured = motion.measured
+    axes.plot(
+        trajectory.time[measured.rows], measured.fitted, color="#E69F00", lw=0.8, label="fitted"
+    )
+    prediction, effects = motion.prediction, seen.law.effects
+    if motion.release is None or effects is None or not measured.frequency:
+        return
+    free = slice(motion.release.first, motion.release.end)
+    since = trajectory.time[free] - trajectory.time[motion.release.first]
+    rest = trajectory.position[motion.release.first] - motion.release.deviation
+    friction = profile.device.coulomb_friction
+    stiffness = binding_stiffness(profile.device, effects)
+    start = abs(motion.release.deviation)
+    wide, narrow = (
+        _envelope(start, decay, each / stiffness, frequency, since)
+        for decay, each, frequency in zip(
+            prediction.decay, (friction.low, friction.high), prediction.frequency, strict=True
+        )
+    )
+    nominal = prediction.nominal
+    axes.plot(
+        trajectory.time[free],
+        rest
+        + np.sign(motion.release.deviation)
+        * _envelope(start, nominal.decay, friction.value / stiffness, nominal.frequency, since)
+        * np.cos(2 * np.pi * nominal.frequency * since),
+        color="#009E73",
+        lw=0.8,
+        ls="--",
+        label="predicted at best",
+    )
+    for side in (1, -1):
+        axes.fill_between(
+            trajectory.time[free],
+            rest + side * narrow,
+            rest + side * wide,
+            color="#009E73",
+            alpha=0.4,
+            lw=0.8,
+            label="predicted envelope" if side > 0 else None,
+        )
+
+
+def _envelope(
+    start: float, decay: float, held: float, frequency: float, since: FloatArray
+) -> FloatArray:
+    """Amplitude with exponential decay and Coulomb friction, which takes 2·x_f a half-cycle, m.
+
+    A' = -decay·A - 4·f·x_f, until nothing is left.
+    """
+    rate = 4 * frequency * held
+    if decay == 0:
+        return np.maximum(start - rate * since, 0.0)
+    return np.maximum((start + rate / decay) * np.exp(-decay * since) - rate / decay, 0.0)

@@ -286,6 +286,8 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     usual = max(candidates, key=lambda each: each.method == "least-squares")
     sharpest = min(candidates, key=region)
     default = sharpest if region(sharpest) < _SHARPER * region(usual) else usual
+    if prepared.has_reference and prepared.pushed and not prepared.rest.structured:
+        return default, f"{_named(default)}, because what is left is like a white force"
     predicted = prepared.fit("innovations")
     apart = contradiction(predicted, judge)
     sharper = predicted.value("mass") > 0 and region(predicted) <= region(default)
@@ -501,7 +503,7 @@ def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | N
     ]
     if not groups:
         return prepared, None
-    wide = wide.narrowed(_with(model, groups, largest))
+    wide = wide.widened(_with(model, groups, largest))
     estimate, _ = robust(wide)
     paying = {names: _pays(estimate, names) for names in groups}
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
@@ -527,12 +529,12 @@ def _with_law_of_position(prepared: PreparedLog) -> PreparedLog:
     if trajectory.motion == "rotary":
         laws.insert(int(np.ptp(trajectory.position) <= _WIDE_SWING), "pendulum")
     model = replace(model, directional=model.coulomb and model.offset, gravity=laws[0])
-    usual = prepared.widened(model)
+    usual = prepared.narrowed(model)
     for law in laws[1:]:
         other = usual.narrowed(replace(model, gravity=law))
         left, before = (1 - each.fit("least-squares").explained for each in (other, usual))
         if left < _BETTER_LAW * before:
-            return prepared.widened(other.model)
+            return other
     return usual
 
 

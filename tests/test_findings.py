@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,7 +19,7 @@ from identification import (
     quantity,
 )
 from identification.findings import inspect
-from identification.findings.friction import unmodelled
+from identification.fitting.friction_curve import FrictionCurve, unmodelled
 from tests.exact_axis import Axis, counted, multisine, positions
 from tests.findings import findings_of, refusals, warnings
 from tests.thinned import thinned
@@ -188,16 +189,24 @@ def test_noise_on_a_fine_encoder_is_no_unit(counts: float) -> None:
 
 
 def test_no_share_above_all_of_the_force_is_printed_and_no_slope_that_nothing_tells() -> None:
-    chosen = identify(plain(), hardware=Hardware(delay=quantity(STEP))).estimates[0]
     forces = (
         UnmodelledForce(kind="position", share=53.661),
         UnmodelledForce(kind="drag", share=2.0),
     )
-    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=-3e7, high=4e7), 0.2, 0.5)
+    steep = FrictionCurve(
+        found=forces,
+        slope=SlopeRange(low=-3e7, high=4e7),
+        fastest=0.2,
+        presliding=None,
+        mass=3.0,
+        mass_deviation=0.1,
+        left=0.5,
+    )
+    told = unmodelled(plain(), steep, 10.0)
     assert told.severity == "refusal"
     assert "%" not in told.seen
     assert "e+07" not in told.seen
-    (told,) = unmodelled(plain(), chosen, forces, SlopeRange(low=9.0, high=40.0), 0.2, 0.5)
+    told = unmodelled(plain(), replace(steep, slope=SlopeRange(low=9.0, high=40.0)), 10.0)
     assert "from 9 to 40" in told.seen
 
 

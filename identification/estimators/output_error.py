@@ -65,9 +65,6 @@ _FIRST_LOOK = 10
 _CLEAR = 3.0
 #: A residual further from white than this may come from a search that went astray.
 _DOUBTED = 0.05
-#: A log longer than this is begun with its first so many samples: the whole then takes one or two
-#: steps.
-_LONG = 1 << 14
 
 
 class _Acting(NamedTuple):
@@ -215,10 +212,6 @@ def _turning(table: Regression, first: float, *, fits_delay: bool) -> PositionFi
     standing = table.motion.moving[0] == 0
     speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
     start = np.array([*table.solve(first), *([first] * fits_delay), speed, signals.position[0]])
-    if signals.position.size > _LONG:
-        begun = turns.part(_LONG).fit(start)
-        if begun is not None and begun.converged and _has_friction(table, begun):
-            start = begun.values
     return turns.fit(start)
 
 
@@ -309,11 +302,6 @@ class FrictionProblem:
     drive: Drive  # the force; its delay is None if it is fitted
     known: int  # first sample after intervals that feel only logged forces
     mean_speed: float  # s of the model, m/s
-
-    def part(self, samples: int) -> FrictionProblem:
-        """The problem of the first samples alone."""
-        signals = self.signals.part(samples)
-        return replace(self, signals=signals, drive=Drive.bare(signals, self.drive.delay))
 
     def fit(self, start: FloatArray) -> PositionFit | None:
         """The best fit; None if friction or mass vanish at the start.

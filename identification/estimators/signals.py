@@ -141,14 +141,6 @@ class Commands:
             sent=np.append(sent[row] + part * steps[row], sent[-1]),
         )
 
-    def part(self, samples: int) -> Commands:
-        """Those of the first samples of the log."""
-        if not isinstance(self.steps, np.ndarray) or self.sent is None:
-            return replace(self, value=self.value[:samples])
-        steps = self.steps[: samples - 1]
-        count = int(np.searchsorted(self.sent, np.sum(steps), side="right"))
-        return Commands(steps=steps, value=self.value[:count], sent=self.sent[:count])
-
     def after(self, delay: float) -> HeldColumn:
         """The forces where they act, a delay in s later, not negative, need not be whole steps.
 
@@ -266,21 +258,6 @@ class Signals:
             kinematics=Kinematics.of(position - np.mean(position), steps),
             noise=position_noise(position, trajectory.force, steps),
             reference=None if reference is None or np.ptp(reference) == 0 else reference,
-        )
-
-    def part(self, samples: int) -> Signals:
-        """Those of the first samples alone, read with the noise of all."""
-        steps = self.steps[: samples - 1] if isinstance(self.steps, np.ndarray) else self.steps
-        position, reference = self.position[:samples], self.reference
-        return replace(
-            self,
-            steps=steps,
-            step=mean_step(steps),
-            position=position,
-            commands=self.commands.part(samples),
-            speed=self.speed[: samples - 1],
-            kinematics=Kinematics.of(position - np.mean(position), steps),
-            reference=None if reference is None else reference[:samples],
         )
 
 

@@ -291,10 +291,13 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     predicted = prepared.fit("innovations")
     apart = contradiction(predicted, judge)
     sharper = predicted.value("mass") > 0 and region(predicted) <= region(default)
-    verdict = _verdict(prepared, predicted, default) if sharper else ""
-    if verdict:
-        return (predicted if verdict == "innovations" else default), (
-            f"{verdict}, because the mass that rows at equal velocity tell contradicts the other"
+    told = inertia_of(balance_of(prepared.trajectory, predicted)) if sharper else None
+    wrong = [told is not None and told.contradicts(each) for each in (predicted, default)]
+    if any(wrong) and not all(wrong):
+        right = default if wrong[0] else predicted
+        return right, (
+            f"{_named(right)}, because the mass that rows at equal velocity tell contradicts the "
+            "other"
         )
     if sharper and not apart:
         return predicted, (
@@ -310,14 +313,6 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     if prepared.has_reference and len(candidates) == 1 and judge.method == "instruments":
         why += "; least squares, which noise in the force biases, contradict instruments"
     return default, f"{_named(default)}, because {why}"
-
-
-def _verdict(prepared: PreparedLog, predicted: Estimate, default: Estimate) -> str:
-    """Name of the one of two estimates that force at equal velocity leaves; "" if both or none."""
-    judge = inertia_of(balance_of(prepared.trajectory, predicted))
-    if judge is None or judge.contradicts(predicted) == judge.contradicts(default):
-        return ""
-    return _named(default) if judge.contradicts(predicted) else _named(predicted)
 
 
 def over_cut_offs(prepared: PreparedLog, estimate: Estimate) -> Estimate:
@@ -407,7 +402,7 @@ def fit_log(
     regression, curve = prepared.fit("least-squares"), None
     plausible = regression.value("mass") > 0
     if explained is None and plausible:
-        from identification.fitting.friction_curve import friction_curve
+        from identification.fitting.friction_curve import friction_curve, unmodelled
 
         structured = prepared.structured
         curve = friction_curve(prepared.table, prepared.delay, structured=structured)
@@ -433,14 +428,8 @@ def fit_log(
     chosen = _drop_noise_terms(prepared, over_cut_offs(prepared, chosen))
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
-        from identification.findings.friction import unmodelled
-
         chosen = curve.carried_by(chosen)
-        beyond = tuple(
-            unmodelled(
-                trajectory, chosen, curve.found, curve.slope, fastest=curve.fastest, left=curve.left
-            )
-        )
+        beyond = (unmodelled(trajectory, curve, chosen.value("damping")),)
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
     delay = prepared.found

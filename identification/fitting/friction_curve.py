@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.device.quantities import LARGEST
+from identification.errors import Finding
 from identification.estimators.estimate import Estimate, symmetric_inverse, unit_columns
 from identification.estimators.filters import LowPass
 from identification.estimators.least_squares import Regression
@@ -40,7 +41,7 @@ from identification.fitting.stability_selection import (
     smooth_speed,
     sums_of,
 )
-from identification.trajectory import NORMAL_95
+from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]
 
@@ -83,6 +84,14 @@ _COARSE, _INDEPENDENT = 0.125, 2.13
 _HINTED, _BY_CHANCE, _ALIKE = 0.1, 3.0, 1e-9
 #: Least stiffness before sliding, part of the largest: below it the device as good as slides.
 _SOFTEST = 0.01
+#: Friction that the slope over speed does not cover, because it falls, depends on position or
+#: remembers, may make up this part of the force, both rms, ...
+_MOST_SHARE = 0.15
+#: ... or this, where it leaves so little of the force over that mass and damping are told.
+_MOST_EXPLAINED, _LITTLE_LEFT = 0.5, 0.04
+_NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of the force
+#: A slope over the speeds seen that would take this many times the largest force is not told.
+_STEEPEST = 10.0
 
 
 def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
@@ -485,3 +494,55 @@ def _as_good(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
         for kind in own.members
         if kind not in kinds and own.wald(kind, ()) >= 1 and own.wald(kinds[0], (kind,)) < 1
     ]
+
+
+def unmodelled(trajectory: Trajectory, curve: FrictionCurve, damping: float) -> Finding:
+    """``unmodelled-force``: what the friction is, and the slopes that it has over speed."""
+    named = [each for each in curve.found if each.share >= _NAMED_SHARE] or curve.found[:1]
+    kinds = ", ".join(
+        f"{each.words}, "
+        + (f"{each.share:.1%} of the force" if each.share < 1 else "as much as the force itself")
+        for each in named
+    )
+    uncovered = [each for each in curve.found if not each.rises]
+    steepest = _STEEPEST * float(np.max(np.abs(trajectory.force))) / curve.fastest
+    told = -steepest <= curve.slope.low and curve.slope.high <= steepest
+    most = _MOST_EXPLAINED if curve.left <= _LITTLE_LEFT else _MOST_SHARE
+    refused = not told or any(each.share > most for each in uncovered)
+    unit, speed = ("N·s/m", "m/s") if trajectory.motion == "linear" else ("N·m·s/rad", "rad/s")
+    slopes = (
+        f"runs from {curve.slope.low:.4g} to {curve.slope.high:.4g} {unit}, damping alone is "
+        f"{damping:.4g}"
+        if told
+        else "is not told"
+    )
+    seen = (
+        f"{trajectory.source} shows {kinds}; from rest to {curve.fastest:.3g} {speed} the slope of "
+        f"friction {slopes}"
+    )
+    if not told:
+        needed = "motion at several speeds that tells the slope of friction"
+        remedy = "Excite slower and faster, further and for longer, with nothing else on the axis."
+    elif uncovered:
+        needed = (
+            f"at most {most:.0%} of the force that does not rise with speed"
+            if refused
+            else "friction that rises with speed, every slope of which the certificate covers"
+        )
+        remedy = (
+            "Oil, align or exchange what rubs, free the cables, warm up, and log again; what is "
+            "left must be allowed for in the margin: no proof covers friction that falls, drifts "
+            "or depends on position."
+        )
+    else:
+        needed = "Coulomb friction and constant damping, or slopes that the certificate covers"
+        remedy = (
+            "The certificate takes every slope. A log at the speeds of use gives a narrower range."
+        )
+    return Finding(
+        code="unmodelled-force",
+        severity="refusal" if refused else "warning",
+        seen=seen,
+        needed=needed,
+        remedy=remedy,
+    )

@@ -325,9 +325,7 @@ class Verdict:
 
     asked: bool  # whether the log asks for it
     frequency: float  # part of the halves of the log that ask for it, 0 to 1
-    #: its rms over the rms of the force, in the model of the terms asked for and itself
-    share: float
-    deviations: float  # standard deviations that leaving it out of that model costs
+    share: float  # its rms over that of the force, in the model of the terms asked for and itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -335,10 +333,6 @@ class Structure:
     """What the log asks for beyond mass and damping."""
 
     asked: tuple[str, ...]  # names of the terms asked for, in the order of the columns
-    verdicts: Mapping[str, Verdict]  # on each candidate judged, by its name
-    #: candidates that this motion cannot tell from mass, damping and the other terms, and the one
-    #: of position and gravity that explains less
-    unjudged: tuple[str, ...]
     sentences: tuple[str, ...]  # for the report
 
 
@@ -360,16 +354,14 @@ def suggest(columns: Mapping[str, FloatArray], force: FloatArray) -> Structure:
     table = _normalise_columns(columns)
     groups, unjudged = _distinguishable_columns(table)
     if not groups:
-        return Structure(
-            asked=(), verdicts={}, unjudged=unjudged, sentences=tuple(_sentences({}, unjudged))
-        )
+        return Structure(asked=(), sentences=tuple(_sentences({}, unjudged)))
     places = iter(range(len(table)))
     terms = [_Term(names=group, members=tuple(next(places) for _ in group)) for group in groups]
     names = [name for group in groups for name in group]
     matrix = np.stack([table[name] for name in (*_ALWAYS, *names)], axis=1)
     sums, every = sums_of(matrix, scale_to_unit_rms(force)), list(range(matrix.shape[1]))
     fits = sums.resampled(every, nuisance=len(_ALWAYS))
-    terms, passed, doubt = _one_law_of_position(terms, fits)
+    terms, doubt = _one_law_of_position(terms, fits)
     frequency = _frequencies(terms, fits)
     kept = _kept([term for term in terms if frequency[term.names] >= STABLE], fits)
     verdicts = {
@@ -377,7 +369,6 @@ def suggest(columns: Mapping[str, FloatArray], force: FloatArray) -> Structure:
             asked=term in kept,
             frequency=frequency[term.names],
             share=_share(term, kept, fits),
-            deviations=float(np.sqrt(_chi_square(term, kept, fits))),
         )
         for term in terms
     }
@@ -385,17 +376,12 @@ def suggest(columns: Mapping[str, FloatArray], force: FloatArray) -> Structure:
     if doubt and any(term.names == (_POSITION,) for term in kept):
         sentences.append("gravity would explain the force in proportion to position about as well")
     return Structure(
-        asked=tuple(name for term in kept for name in term.names),
-        verdicts={name: verdict for group, verdict in verdicts.items() for name in group},
-        unjudged=unjudged + passed,
-        sentences=tuple(sentences),
+        asked=tuple(name for term in kept for name in term.names), sentences=tuple(sentences)
     )
 
 
-def _one_law_of_position(
-    terms: list[_Term], fits: Resampled
-) -> tuple[list[_Term], tuple[str, ...], bool]:
-    """Terms with either position or gravity, the names passed over, and whether that is in doubt.
+def _one_law_of_position(terms: list[_Term], fits: Resampled) -> tuple[list[_Term], bool]:
+    """Terms with either position or gravity, and whether that is in doubt.
 
     Over a small range the two are alike; gravity, which is richer, must explain more by as much as
     a term must be worth.
@@ -403,11 +389,10 @@ def _one_law_of_position(
     position = next((term for term in terms if term.names == (_POSITION,)), None)
     gravity = next((term for term in terms if term.names == _GRAVITY), None)
     if position is None or gravity is None:
-        return terms, (), False
+        return terms, False
     gain = _chi_square(gravity, terms, fits) - _chi_square(position, terms, fits)
     passed = position if gain > _HURDLE**2 else gravity
-    rest = [term for term in terms if term != passed]
-    return rest, passed.names, bool(abs(gain) <= _HURDLE**2)
+    return [term for term in terms if term != passed], bool(abs(gain) <= _HURDLE**2)
 
 
 def _frequencies(terms: Sequence[_Term], fits: Resampled) -> dict[tuple[str, ...], float]:

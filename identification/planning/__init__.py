@@ -25,11 +25,11 @@ from identification.planning.information import (
     fade,
     force_room,
     predict,
-    simulate_stick_slip,
 )
 from identification.planning.limits import (
     BETWEEN,
     ExcitationSpec,
+    Guess,
     Region,
     WorstMotion,
     extremes,
@@ -346,9 +346,10 @@ def plan_excitation(
     bench = DesignGrid.of(wanted)
     found: list[tuple[Candidate, _Shape]] = []
     used: list[Used] = []
+    corners, between = list(wanted.corners()), Region.stated(wanted).devices()
     for name, family in _FAMILIES:
         say(f"designing a {name}")
-        tried = [(_fitted(bench, shape, _corners_used), shape) for shape in family(bench)]
+        tried = [(_fitted(bench, shape, corners), shape) for shape in family(bench)]
         fitting = [(each, shape) for each, shape in tried if isinstance(each, Candidate)]
         used += [each for each, _ in tried if isinstance(each, Used)]
         if fitting:
@@ -356,7 +357,7 @@ def plan_excitation(
     say("looking for the devices that go farthest")
     found.sort(key=_product)
     while found and wanted.ranges:
-        secured = _fitted(bench, found[0][1], _used)
+        secured = _fitted(bench, found[0][1], between, BETWEEN)
         if isinstance(secured, Candidate):
             found[0] = (secured, found[0][1])
             break
@@ -369,11 +370,11 @@ def plan_excitation(
 
 
 def _fitted(
-    bench: DesignGrid, shape: _Shape, judge: Callable[[ExcitationSpec, FloatArray], Used]
+    bench: DesignGrid, shape: _Shape, devices: list[Guess], spread: float = 1.0
 ) -> Candidate | Used:
     """The shape on the controller's samples, friction and offset made up for, within all limits.
 
-    Returns what the last try used of the limits, by the judge, if none keeps them.
+    Returns what the last try used of the limits on these devices if none keeps them.
     """
     spec = bench.spec
     step = spec.sample_time
@@ -389,7 +390,7 @@ def _fitted(
     for _ in range(_TRIES):
         against = guess.coulomb_friction * sense + guess.force_offset
         force = _rounded(scale * net + against, spec.force)
-        used = judge(spec, force)
+        used = _used(spec, force, devices, spread)
         if used.most <= 1 and scale > accepted:
             best, accepted = (force, used), scale
             if used.most >= _ENOUGH:
@@ -432,26 +433,13 @@ def _rounded(force: FloatArray, limit: float) -> FloatArray:
     return rows
 
 
-def _corners_used(spec: ExcitationSpec, force: FloatArray) -> Used:
-    """Parts of the limits that the worst corner uses."""
-    travel = speed = 0.0
-    for corner in spec.corners():
-        motion = simulate_stick_slip(force[:-1], corner, spec.sample_time)
-        travel, speed = max(travel, motion.reach), max(speed, motion.speed)
-    return _parts(spec, force, travel, speed)
-
-
-def _used(spec: ExcitationSpec, force: FloatArray) -> Used:
-    """Parts of the limits that the worst device of the guesses uses, between the corners too."""
-    reach, speed = extremes(force[:-1], Region.stated(spec).devices(), spec.sample_time)
-    return _parts(spec, force, BETWEEN * float(np.max(reach)), BETWEEN * float(np.max(speed)))
-
-
-def _parts(spec: ExcitationSpec, force: FloatArray, travel: float, speed: float) -> Used:
+def _used(spec: ExcitationSpec, force: FloatArray, devices: list[Guess], spread: float) -> Used:
+    """Parts of the limits that the worst of some devices uses; others go the spread farther."""
+    reach, speed = extremes(force[:-1], devices, spec.sample_time)
     return Used(
         force=float(np.max(np.abs(force))) / spec.force,
-        travel=travel / spec.travel,
-        speed=0.0 if spec.speed is None else speed / spec.speed,
+        travel=spread * float(np.max(reach)) / spec.travel,
+        speed=0.0 if spec.speed is None else spread * float(np.max(speed)) / spec.speed,
     )
 
 

@@ -161,16 +161,6 @@ class Answer:
     position: FloatArray  # m (rad), shape (n + 1,)
     velocity: FloatArray  # m/s (rad/s), shape (n + 1,)
 
-    @property
-    def reach(self) -> float:
-        """Largest distance from the start, m (rad)."""
-        return float(np.max(np.abs(self.position)))
-
-    @property
-    def speed(self) -> float:
-        """Largest speed, m/s (rad/s)."""
-        return float(np.max(np.abs(self.velocity)))
-
 
 def simulate_stick_slip(force: FloatArray, guess: Guess, step: float) -> Answer:
     """Position and velocity at each sample of a force held in between."""

@@ -35,7 +35,7 @@ _READERS = {
     ".parquet": "binary.read_parquet",
     ".mat": "binary.read_mat",
     ".npz": "binary.read_npz",
-    ".xlsx": "excel.read_excel",
+    ".xlsx": "binary.read_excel",
     ".mcap": "bags.read_mcap",
 }
 #: Those read by foreign parsers, which a damaged file may bring down.

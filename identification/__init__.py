@@ -99,73 +99,26 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
-__all__ = [
-    "METHODS",
-    "AnyQuantity",
-    "Box",
-    "ByDirection",
-    "Covariance",
-    "Device",
-    "Document",
-    "Examination",
-    "Excitation",
-    "ExcitationSpec",
-    "Fact",
-    "Finding",
-    "ForceLimit",
-    "Gravity",
-    "Hardware",
-    "Identification",
-    "IdentificationError",
-    "InvalidInputError",
-    "LogColumns",
-    "LogFit",
-    "LogRecord",
-    "LogRefusedError",
-    "Method",
-    "Mode",
-    "Motion",
-    "NotWrittenError",
-    "NotebookFigure",
-    "Plant",
-    "Quantity",
-    "QuestionError",
-    "Replaced",
-    "SlopeRange",
-    "Tabular",
-    "Trajectory",
-    "UnmodelledForce",
-    "Unstated",
-    "UnstatedError",
-    "UsageError",
-    "as_stored",
-    "devices_picture",
-    "difference_of",
-    "examine",
-    "excitation_picture",
-    "fit_picture",
-    "force_text",
-    "identified_picture",
-    "identify",
-    "legend_above",
-    "load_device",
-    "load_document",
-    "load_excitation",
-    "load_mapping",
-    "load_trajectory",
-    "log_picture",
-    "named_devices",
-    "parse_document",
-    "plan_excitation",
-    "printable",
-    "quantity",
-    "round_to_digits",
-    "to_mapping",
-    "to_yaml",
-    "write_bytes",
-    "write_files",
-    "write_text",
-]
+__all__ = ["Examination", "Identification", "examine", "identify"]
+__all__ += ["ByDirection", "Covariance", "Device", "Gravity", "LogRecord", "SlopeRange"]
+__all__ += ["UnmodelledForce", "load_device", "named_devices"]
+__all__ += ["Fact", "ForceLimit", "Hardware", "Mode"]
+__all__ += ["AnyQuantity", "Box", "Quantity", "Tabular", "quantity"]
+__all__ += ["Document", "Replaced", "as_stored", "difference_of", "load_document", "load_mapping"]
+__all__ += ["parse_document", "round_to_digits", "to_mapping", "to_yaml", "write_bytes"]
+__all__ += ["write_files", "write_text"]
+__all__ += ["Finding", "IdentificationError", "InvalidInputError", "LogRefusedError"]
+__all__ += ["NotWrittenError", "QuestionError", "Unstated", "UnstatedError", "UsageError"]
+__all__ += ["printable"]
+__all__ += ["METHODS", "Method"]
+__all__ += ["LogFit"]
+__all__ += ["NotebookFigure", "devices_picture", "excitation_picture", "fit_picture"]
+__all__ += ["identified_picture", "legend_above", "log_picture"]
+__all__ += ["Excitation", "force_text", "plan_excitation"]
+__all__ += ["ExcitationSpec", "load_excitation"]
+__all__ += ["Plant"]
+__all__ += ["LogColumns", "load_trajectory"]
+__all__ += ["Motion", "Trajectory"]
 
 
 def __getattr__(name: str) -> Any:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, TypeVar, cast
 from weakref import finalize
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification.errors import Finding, InvalidInputError, LogRefusedError
 
+_Answer = TypeVar("_Answer")
 Motion = Literal["linear", "rotary"]
 FloatArray = NDArray[np.float64]
 
@@ -46,8 +48,7 @@ _BAND = 0.3
 #: ... of second differences, cut to this many samples at most: more add time, not truth.
 _LONGEST = 1 << 17
 #: Answers by log, for as long as its columns live: everything that looks at a log asks for them.
-_counts: dict[int, float | None] = {}
-_noises: dict[tuple[int, int], float] = {}
+_answers: dict[tuple[object, ...], object] = {}
 #: Noise this many times the rounding of a count hides the count.
 _HIDDEN = 2.0
 
@@ -226,19 +227,19 @@ def refuse_sizes(trajectory: Trajectory) -> None:
 
 def encoder_count(position: FloatArray) -> float | None:
     """The step all changes of position are multiples of, m; None if there is no such step."""
-    key = id(position)
-    if key in _counts:
-        return _counts[key]
-    count = _count_of(position)
-    if _unchanging(position):
-        _counts[key] = count
-        finalize(position, _counts.pop, key, None)
-    return count
+    return _remembered(_count_of, position)
 
 
-def _unchanging(column: FloatArray) -> bool:
-    """Whether nobody can write to a column, as to none of a Trajectory."""
-    return column.base is None and not column.flags.writeable
+def _remembered(make: Callable[..., _Answer], *columns: FloatArray) -> _Answer:
+    """What is made of columns, once where nobody can write to them, as to none of a Trajectory."""
+    if any(each.base is not None or each.flags.writeable for each in columns):
+        return make(*columns)
+    key = (make, *map(id, columns))
+    if key not in _answers:
+        _answers[key] = make(*columns)
+        for column in columns:
+            finalize(column, _answers.pop, key, None)
+    return cast("_Answer", _answers[key])
 
 
 def _count_of(position: FloatArray) -> float | None:
@@ -284,17 +285,12 @@ def position_noise(
     least; what follows the force even there is taken out first. Never below Δ/√12 of the encoder's
     count Δ (Widrow: rounding noise of a signal that crosses counts).
     """
-    if isinstance(steps, np.ndarray) or not (_unchanging(position) and _unchanging(force)):
+    if isinstance(steps, np.ndarray):
         return _noise_of(position, force, steps)
-    key = id(position), id(force)
-    if key not in _noises:
-        _noises[key] = _noise_of(position, force, steps)
-        for column in (position, force):
-            finalize(column, _noises.pop, key, None)
-    return _noises[key]
+    return _remembered(_noise_of, position, force)
 
 
-def _noise_of(position: FloatArray, force: FloatArray, steps: float | FloatArray) -> float:
+def _noise_of(position: FloatArray, force: FloatArray, steps: float | FloatArray = 1.0) -> float:
     count = encoder_count(position)
     least = 0.0 if count is None else count / np.sqrt(12.0)
     middle = max(0, (position.size - _LONGEST) // 2)

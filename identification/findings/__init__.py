@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,43 +122,11 @@ _MOST = 1 << 15  # samples looked at; more add time, not truth
 _ROUNDING = 1e-9  # a prediction this much finer than the signal is rounding, not news
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Law:
-    """How well a virtual spring and damper explain the force, and how the device does."""
-
-    stiffness: float  # K of F = -K·q - B·q̇ + constant, N/m
-    damping: float  # B, N·s/m
-    unexplained: float  # share of the force's mean square the law leaves over
-    plant_unexplained: float  # the same of mass, damping, friction and offset
-    model_unexplained: float  # the same of these and the gravity that the estimate has
-    #: share of what is new in the force that the reading of the same sample explains: nought in
-    #: open loop, where the next force does not know the last reading's noise
-    answer: float
-
-
-def _law_of(trajectory: Trajectory, balance: ForceBalance) -> _Law:
-    """The controller that would have logged this."""
-    columns = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
-    weights = solve(columns, balance.force)
-    power = float(np.var(balance.force))
-    left = balance.force - columns @ weights
-    plant = model = float(np.mean(balance.unexplained() ** 2)) / power
-    if balance.gravity != "none":
-        model = float(np.mean(balance.unexplained(balance.carried) ** 2)) / power
-    return _Law(
-        stiffness=-float(weights[0]),
-        damping=-float(weights[1]),
-        unexplained=float(np.mean(left**2)) / power,
-        plant_unexplained=plant,
-        model_unexplained=model,
-        answer=_answer(trajectory),
-    )
-
-
 def _answer(trajectory: Trajectory) -> float:
-    """Squared correlation of what is new in the force with what is new in the position.
+    """Share of what is new in the force that what is new in the position explains.
 
-    New is what the rows before do not predict (partial correlation at lag zero).
+    New is what the rows before do not predict (squared partial correlation at lag zero): nought in
+    open loop, where the next force does not know the last reading's noise.
     """
     middle = max(0, (len(trajectory) - _MOST) // 2)
     part = slice(middle, middle + _MOST)
@@ -207,16 +174,10 @@ def causality(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -
         f"{trajectory.source} gives mass {mass:.4g} ± {mass_spread:.2g} and damping {damping:.4g} "
         f"± {damping_spread:.2g}, explaining {chosen.explained:.2%} of the {chosen.residual_unit}"
     )
-    law = _law_of(trajectory, balance)
-    if _controller(trajectory, law):
-        sign = "-" if law.damping >= 0 else "+"
-        yield _controller_finding(
-            f"F = {-law.stiffness:.4g}·q {sign} {abs(law.damping):.4g}·q̇ explains "
-            f"{1 - law.unexplained:.2%} of the force in {trajectory.source}, mass, damping and "
-            f"friction {1 - law.plant_unexplained:.2%}; the reading of the same sample "
-            f"explains {law.answer:.0%} of what is new in the force",
-            "a force that moves the device, not one computed from its position",
-        )
+    law = _controller(trajectory, balance)
+    if law:
+        needed = "a force that moves the device, not one computed from its position"
+        yield _controller_finding(law, needed)
         return
     # Motion one way may tell so little that signs are chance; ``excitation`` refuses that.
     positive = mass + mass_spread > 0 if balance.one_way else mass > 0
@@ -236,21 +197,37 @@ def causality(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -
     yield _controller_finding(seen, "positive mass, and damping not clearly negative")
 
 
-def _controller(trajectory: Trajectory, law: _Law) -> bool:
-    """A law that pulls back or brakes, and knows the force better than any device would."""
+def _controller(trajectory: Trajectory, balance: ForceBalance) -> str:
+    """A virtual spring and damper that pull back or brake, and know the force better than a device.
+
+    "" where the force is not that of one.
+    """
+    columns = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
+    weights = solve(columns, balance.force)
+    stiffness, damping = -float(weights[0]), -float(weights[1])
+
+    def share(left: FloatArray) -> float:
+        return float(np.mean(left**2)) / float(np.var(balance.force))
+
+    law, plant = share(balance.force - columns @ weights), share(balance.unexplained())
+    model = plant if balance.gravity == "none" else share(balance.unexplained(balance.carried))
+    answer = _answer(trajectory)
     # A logged set-point is news from outside, whatever the loop answers.
-    answers = trajectory.reference is None and law.answer >= _ANSWERS
-    if answers and law.model_unexplained > _LAW_EXPLAINS:
-        return True
+    answers = trajectory.reference is None and answer >= _ANSWERS
     # A force held from sample to sample is late, which takes some of a spring's damping.
-    late = _LATE * trajectory.sample_time * max(law.stiffness, 0.0)
-    if law.damping + late <= 0 or law.unexplained > _LAW_EXPLAINS:
-        return False
-    if law.unexplained <= _LAW_BETTER * law.plant_unexplained:
-        return True
+    late = _LATE * trajectory.sample_time * max(stiffness, 0.0)
     # What brakes and answers its own reading is a virtual damper; a device takes force to be moved.
-    as_good = law.unexplained <= _LAW_AS_GOOD * law.plant_unexplained
-    return answers and law.unexplained <= _ALL and (law.damping > 0 or as_good)
+    brakes = damping > 0 or law <= _LAW_AS_GOOD * plant
+    better = law <= _LAW_BETTER * plant or (answers and law <= _ALL and brakes)
+    computed = damping + late > 0 and law <= _LAW_EXPLAINS and better
+    if not computed and not (answers and model > _LAW_EXPLAINS):
+        return ""
+    return (
+        f"F = {-stiffness:.4g}·q {'-' if damping >= 0 else '+'} {abs(damping):.4g}·q̇ explains "
+        f"{1 - law:.2%} of the force in {trajectory.source}, mass, damping and friction "
+        f"{1 - plant:.2%}; the reading of the same sample explains {answer:.0%} of what is new in "
+        "the force"
+    )
 
 
 def _controller_finding(seen: str, needed: str) -> Finding:
@@ -511,7 +488,6 @@ def _contradicting_delays(
                 "sample, state its largest value.",
             )
             return
-    return
 
 
 def _delay_of(estimate: Estimate, step: float) -> str:

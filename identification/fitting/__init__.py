@@ -278,7 +278,8 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     high frequencies; least squares stays where the motion is, and instruments from a logged
     reference are free, besides, of the noise that a feedback puts into the force. So the estimate
     that leans on least comes first, and another takes its place only if its joint region of mass
-    and damping is no larger and Hausman's test finds no contradiction.
+    and damping is no larger and Hausman's test finds no contradiction. What follows a set-point
+    under a white force is left to least squares and instruments: innovations tell nothing more.
     """
     candidates = _robust_ones(prepared)
     judge = candidates[0]
@@ -287,7 +288,9 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     sharpest = min(candidates, key=region)
     default = sharpest if region(sharpest) < _SHARPER * region(usual) else usual
     if prepared.has_reference and prepared.pushed and not prepared.rest.structured:
-        return default, f"{_named(default)}, because what is left is like a white force"
+        # Least squares weigh it best, but do not fit a delay.
+        best = default if prepared.stated is None else usual
+        return best, f"{_named(best)}, because what is left is like a white force"
     predicted = prepared.fit("innovations")
     apart = contradiction(predicted, judge)
     sharper = predicted.value("mass") > 0 and region(predicted) <= region(default)
@@ -402,7 +405,7 @@ def fit_log(
     regression, curve = prepared.fit("least-squares"), None
     plausible = regression.value("mass") > 0
     if explained is None and plausible:
-        from identification.fitting.friction_curve import friction_curve, unmodelled
+        from identification.fitting.friction_curve import friction_curve
 
         structured = prepared.structured
         curve = friction_curve(prepared.table, prepared.delay, structured=structured)
@@ -428,6 +431,8 @@ def fit_log(
     chosen = _drop_noise_terms(prepared, over_cut_offs(prepared, chosen))
     beyond: tuple[Finding, ...] = ()
     if curve is not None:
+        from identification.fitting.friction_curve import unmodelled
+
         chosen = curve.carried_by(chosen)
         beyond = (unmodelled(trajectory, curve, chosen.value("damping")),)
     if len(part) < len(trajectory):

@@ -22,7 +22,7 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.estimators.estimate import UNKNOWN_FORCE
+from identification.estimators.estimate import UNKNOWN_FORCE, symmetric_inverse
 from identification.estimators.filters import width_of
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
@@ -80,16 +80,8 @@ _WORDS = {
 }
 
 
-def _normalise_columns(columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Columns of mean square 1, in which no unit is left; a column of zeros stays zero."""
-    counted = dict(columns)
-    if _OFFSET in counted and _POSITION in counted:
-        counted[_POSITION] = _from_its_middle(counted[_POSITION], counted[_OFFSET])
-    return {name: scale_to_unit_rms(column) for name, column in counted.items()}
-
-
 def scale_to_unit_rms(column: FloatArray) -> FloatArray:
-    """A column over its rms, found without overflow whatever the unit."""
+    """A column over its rms, found without overflow whatever the unit; zeros stay zero."""
     largest = float(np.max(np.abs(column)))
     if largest == 0:
         return column
@@ -247,8 +239,8 @@ class BlockSums:
         fitted = least_norm(total, rights.sum(axis=0))
         scores = rights - normals @ fitted
         # The fit without block i differs from the whole fit by -(A - A_i)⁺ c_i.
-        shifts = (_inverse(total - normals) @ scores[:, :, None])[:, :, 0]
-        floor = UNKNOWN_FORCE**2 * self.rows * _inverse(total)
+        shifts = (symmetric_inverse(total - normals) @ scores[:, :, None])[:, :, 0]
+        floor = UNKNOWN_FORCE**2 * self.rows * symmetric_inverse(total)
         return fitted, _long_run(shifts) + floor
 
     def resampled(self, members: list[int], *, nuisance: int) -> Resampled:
@@ -307,11 +299,6 @@ def least_norm(matrix: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 
 
-def _inverse(normal: FloatArray) -> FloatArray:
-    """Pseudo-inverse of symmetric matrices, shape (..., q, q)."""
-    return np.asarray(np.linalg.pinv(normal, hermitian=True), dtype=np.float64)
-
-
 def _root_of_inverse(covariance: FloatArray) -> FloatArray:
     """W with WᵀW the inverse of a covariance."""
     deviations = np.sqrt(np.diag(covariance))
@@ -351,7 +338,10 @@ def suggest(columns: Mapping[str, FloatArray], force: FloatArray) -> Structure:
     of two that the motion cannot tell apart, the first is judged. Sine and cosine of gravity are
     one candidate, and take the place of "position_stiffness" where they explain the log better.
     """
-    table = _normalise_columns(columns)
+    counted = dict(columns)
+    if _OFFSET in counted and _POSITION in counted:
+        counted[_POSITION] = _from_its_middle(counted[_POSITION], counted[_OFFSET])
+    table = {name: scale_to_unit_rms(column) for name, column in counted.items()}
     groups, unjudged = _distinguishable_columns(table)
     if not groups:
         return Structure(asked=(), sentences=tuple(_sentences({}, unjudged)))

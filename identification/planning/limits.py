@@ -242,14 +242,11 @@ class Region:
             offset=_ends(spec.force_offset),
         )
 
-    def wrong(self, spec: ExcitationSpec, factor: float) -> Region:
-        """Wide enough for guesses that are wrong by a factor, either way."""
-        return replace(
-            self,
-            mass=_either_way(self.mass, spec.mass.value, factor),
-            damping=_either_way(self.damping, spec.damping.value, factor),
-            friction=_either_way(self.friction, spec.coulomb_friction.value, factor),
-        )
+    def wrong(self, spec: ExcitationSpec) -> Region:
+        """Wide enough for guesses that are wrong by the factor, either way."""
+        guesses = (spec.mass, spec.damping, spec.coulomb_friction)
+        mass, damping, friction = (_ends(_wrong(guess)) for guess in guesses)
+        return replace(self, mass=mass, damping=damping, friction=friction)
 
     def pulled(self, force: float) -> Region:
         """With a constant force of this size either way that nobody planned for, N."""
@@ -298,7 +295,7 @@ def _regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
     stated = Region.stated(spec)
     unit = "N" if spec.motion == "linear" else "N·m"
     yield "stated", "the guesses as stated", stated
-    twice = stated.wrong(spec, _WRONG)
+    twice = stated.wrong(spec)
     yield "twice", f"mass, damping and friction {_WRONG:g} times wrong, either way", twice
     for part in _UNPLANNED:
         force = part * spec.force
@@ -366,10 +363,6 @@ def _turn(
 
 def _ends(guess: Quantity) -> tuple[float, float]:
     return guess.low, guess.high
-
-
-def _either_way(ends: tuple[float, float], value: float, factor: float) -> tuple[float, float]:
-    return min(ends[0], value / factor), max(ends[1], value * factor)
 
 
 def _levels(low: float, high: float, count: int) -> list[float]:

@@ -320,12 +320,7 @@ def gain_option(role: str) -> str:
 
 def gain_given(role: str, columns: LogColumns) -> float | None:
     """The gain of a role that a person gave."""
-    return {
-        "time": columns.time_gain,
-        "force": columns.force_gain,
-        "position": columns.position_gain,
-        "reference": columns.position_gain,
-    }[role]
+    return getattr(columns, gain_option(role)[2:].replace("-", "_"))
 
 
 def conversion_of(

@@ -14,9 +14,13 @@ from typing import Literal
 
 import numpy as np
 from flint import acb, acb_poly, arb, arb_mat, arb_poly, ctx
+from numpy.typing import NDArray
 
 from tune.certificate.affine import FloatArray
 from tune.certificate.region import Point, Setting
+
+#: Arrays of balls, of any shape.
+Balls = NDArray[np.object_]
 
 #: Bits of every ball. The printed plant loses 2·log2(1/δ) of them: 80 at δ = 1e-12.
 _BITS = 400
@@ -68,21 +72,21 @@ def _by_exponential(point: Point) -> SampledPlant:
     whole = int(point.delay_samples)
     fraction = arb(point.delay_samples) - whole
     motion, drive, read = _state_space(point)
-    size = len(motion)
-    augmented = arb_mat([[*motion[i], drive[i]] for i in range(size)] + [[arb(0)] * (size + 1)])
-    late = (augmented * ((1 - fraction) * T)).exp()
-    transition = _block(late, size) if fraction == 0 else _block((augmented * T).exp(), size)
-    new = [late[i, size] for i in range(size)]
-    numerators = _resolvent(transition, read, new)
-    if fraction == 0:
-        numerator, delays = numerators, whole
-    else:
-        early = (augmented * (fraction * T)).exp()
-        kept = _block(late, size)
-        old = [sum((kept[i, j] * early[j, size] for j in range(size)), arb(0)) for i in range(size)]
-        numerator = numerators * arb_poly([0, 1]) + _resolvent(transition, read, old)
-        delays = whole + 1
-    denominator = transition.charpoly()
+    size = len(drive)
+    augmented = arb_mat([*np.c_[motion, drive].tolist(), [arb(0)] * (size + 1)])
+
+    def held(time: arb) -> tuple[Balls, Balls]:
+        """(Φ, Γ) of a time of constant force."""
+        both = _array((augmented * time).exp(), size + 1)
+        return both[:size, :size], both[:size, size]
+
+    transition, _ = held(T)
+    kept, new = held((1 - fraction) * T)
+    numerator, delays = _resolvent(transition, read, new), whole
+    if fraction != 0:
+        old = _resolvent(transition, read, kept @ held(fraction * T)[1])
+        numerator, delays = numerator * arb_poly([0, 1]) + old, whole + 1
+    denominator = arb_mat(transition.tolist()).charpoly()
     if not point.grounded:
         denominator = denominator // arb_poly([-1, 1])
     return SampledPlant(
@@ -92,79 +96,50 @@ def _by_exponential(point: Point) -> SampledPlant:
     )
 
 
-def _state_space(point: Point) -> tuple[list[list[arb]], list[arb], list[arb]]:
+def _state_space(point: Point) -> tuple[Balls, Balls, Balls]:
     """(A, B, C) of (q, q̇ and, with a lag, the actuator's force) from command to encoder."""
-    m = arb(point.mass)
-    encoder = [arb(1), *(arb(mode.at_encoder) for mode in point.modes)]
-    handle = [arb(1), *(arb(mode.at_handle) for mode in point.modes)]
-    count = len(encoder)
-    omegas = [2 * arb.pi() * arb(mode.frequency_hz) for mode in point.modes]
-    dampings = [
-        arb(point.damping),
-        *(2 * arb(p.damping_ratio) * w * m for p, w in zip(point.modes, omegas, strict=True)),
-    ]
-    springs = [arb(point.position_stiffness), *(w * w * m for w in omegas)]
-    grip = point.hand
-    hm, hb, hk = (
-        arb(x) for x in ((grip.mass, grip.damping, grip.stiffness) if grip else (0, 0, 0))
+    m, modes, grip = arb(point.mass), point.modes, point.hand
+    turns = [2 * arb.pi() * arb(mode.frequency_hz) for mode in modes]
+    losses = [2 * arb(p.damping_ratio) * w * m for p, w in zip(modes, turns, strict=True)]
+    encoder: Balls = np.array([arb(1), *(arb(mode.at_encoder) for mode in modes)], dtype=object)
+    handle: Balls = np.array([arb(1), *(arb(mode.at_handle) for mode in modes)], dtype=object)
+    hand = (grip.mass, grip.damping, grip.stiffness) if grip else (0.0, 0.0, 0.0)
+    own = (
+        [m] * len(encoder),
+        [arb(point.damping), *losses],
+        [arb(point.position_stiffness), *(w * w * m for w in turns)],
     )
-
-    def matrix(diagonal: list[arb], hand: arb) -> arb_mat:
-        return arb_mat(
-            [
-                [
-                    handle[i] * handle[j] * hand + (diagonal[i] if i == j else 0)
-                    for j in range(count)
-                ]
-                for i in range(count)
-            ]
-        )
-
-    inverse = matrix([m] * count, hm).inv()
-    by_position = inverse * matrix(springs, hk) * -1
-    by_velocity = inverse * matrix(dampings, hb) * -1
-    by_force = inverse * arb_mat([[e] for e in encoder])
-    lagged = point.current_lag > 0
-    size = 2 * count + lagged
-    motion = [[arb(0)] * size for _ in range(size)]
-    drive = [arb(0)] * size
-    for i in range(count):
-        motion[i][count + i] = arb(1)
-        for j in range(count):
-            motion[count + i][j] = by_position[i, j]
-            motion[count + i][count + j] = by_velocity[i, j]
-        if lagged:
-            motion[count + i][size - 1] = by_force[i, 0]
-        else:
-            drive[count + i] = by_force[i, 0]
+    inertia, loss, spring = (
+        np.outer(handle, handle) * arb(part) + np.diag(np.array(diagonal, dtype=object))
+        for part, diagonal in zip(hand, own, strict=True)
+    )
+    inverse = _array(arb_mat(inertia.tolist()).inv(), len(encoder))
+    count, lagged = len(encoder), point.current_lag > 0
+    motion: Balls = np.zeros((2 * count + lagged,) * 2, dtype=object)
+    drive: Balls = np.zeros(2 * count + lagged, dtype=object)
+    motion[:count, count : 2 * count] = np.eye(count, dtype=int)
+    motion[count : 2 * count, :count] = inverse @ spring * -1
+    motion[count : 2 * count, count : 2 * count] = inverse @ loss * -1
+    (motion[:, -1] if lagged else drive)[count : 2 * count] = inverse @ encoder
     if lagged:
-        rate = 1 / arb(point.current_lag)
-        motion[size - 1][size - 1] = -rate
-        drive[size - 1] = rate
-    return motion, drive, encoder + [arb(0)] * (size - count)
+        drive[-1] = 1 / arb(point.current_lag)
+        motion[-1, -1] = -drive[-1]
+    return motion, drive, np.pad(encoder, (0, len(drive) - count))
 
 
-def _block(matrix: arb_mat, size: int) -> arb_mat:
-    return arb_mat([[matrix[i, j] for j in range(size)] for i in range(size)])
+def _array(matrix: arb_mat, size: int) -> Balls:
+    return np.array([[matrix[i, j] for j in range(size)] for i in range(size)], dtype=object)
 
 
-def _resolvent(transition: arb_mat, read: list[arb], drive: list[arb]) -> arb_poly:
+def _resolvent(transition: Balls, read: Balls, drive: Balls) -> arb_poly:
     """C·adj(zI - Φ)·Γ by Faddeev and LeVerrier."""
-    size = len(read)
-    column = arb_mat([[x] for x in drive])
-    adjugate = arb_mat([[arb(int(i == j)) for j in range(size)] for i in range(size)])
+    one = np.eye(len(read), dtype=int)
+    adjugate: Balls = one.astype(object)
     coefficients: list[arb] = []
-    for order in range(1, size + 1):
-        moved = adjugate * column
-        coefficients.append(sum((read[i] * moved[i, 0] for i in range(size)), arb(0)))
-        product = transition * adjugate
-        trace = sum((product[i, i] for i in range(size)), arb(0))
-        adjugate = arb_mat(
-            [
-                [product[i, j] - (trace / order if i == j else 0) for j in range(size)]
-                for i in range(size)
-            ]
-        )
+    for order in range(1, len(read) + 1):
+        coefficients.append(read @ (adjugate @ drive))
+        product = transition @ adjugate
+        adjugate = product - one * (np.trace(product) / order)
     return arb_poly(coefficients[::-1])
 
 

@@ -13,6 +13,7 @@ from flint import acb, arb
 from identification import Device
 from tests import general_loops
 from tests.reference import Case, Sampled
+from tests.simulated.experiment import EffectName
 from tests.thinned import thinned
 from tune import (
     Effects,
@@ -25,7 +26,6 @@ from tune import (
     margins_of,
     safe_gain,
 )
-from tune.documents.scene import EffectName
 from tune.stability.criterion import passivity
 
 

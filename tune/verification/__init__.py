@@ -24,7 +24,7 @@ from tune.documents.scene import UNITS, Effects
 from tune.loop.loop import Loop, filters_of
 from tune.loop.polynomials import value_at
 from tune.rendering import law_numerator
-from tune.verification.advice import Advice, Play, advise
+from tune.verification.advice import Advice, advise
 from tune.verification.delay import (
     Kept,
     MeasuredDelay,
@@ -52,9 +52,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Advice",
     "Kept",
-    "MeasuredDelay",
     "Outcome",
-    "Play",
     "Verification",
     "advise",
     "margins_of_others",

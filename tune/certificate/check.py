@@ -329,7 +329,7 @@ def inconsistent(design: Design, name: str) -> Iterator[str]:
     yield from _wrong_margins(design, name)
     yield from _wrong_play(name, element)
     felt = element.rendered
-    if felt is None or felt.mass_in_motion is None:
+    if felt is None:
         yield f"{name}: rendered is missing. Tune again"
     elif not element.acting and any(map(np.any, dict(felt).values())):
         yield f"{name}: rendered says that something is felt, but no effect acts"

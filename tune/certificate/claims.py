@@ -345,8 +345,7 @@ def _rendered(
             ("in_motion", (motion.min(), motion.max())),
             ("beyond", (beyond.min(), beyond.max())),
         ):
-            stated = getattr(said, f"{claim}_{kind}") or (np.nan, np.nan)
-            for one, other in zip(stated, map(float, pair), strict=True):
+            for one, other in zip(getattr(said, f"{claim}_{kind}"), map(float, pair), strict=True):
                 least = abs(other) if kind == "beyond" else size
                 yield f"rendered.{claim}_{kind}", one, other, least
 

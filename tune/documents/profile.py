@@ -340,8 +340,7 @@ class Rendered(Document):
     """What a hand feels of one element at 0.5 to 5 Hz, beside the device's own mass and damping.
 
     Means over the logarithm of frequency, of all that the element plays: filters and delay turn
-    part of a mass into damping, and let a damper take mass away and a spring damping. Least and
-    largest are None in profiles written before they were computed, which `check` refuses.
+    part of a mass into damping, and let a damper take mass away and a spring damping.
 
     Attributes:
         mass: apparent mass, kg (kg·m²).
@@ -358,10 +357,10 @@ class Rendered(Document):
     damping: float
     mass_at_ends: tuple[float, float]
     damping_at_ends: tuple[float, float]
-    mass_in_motion: tuple[float, float] | None = None
-    damping_in_motion: tuple[float, float] | None = None
-    mass_beyond: tuple[float, float] | None = None
-    damping_beyond: tuple[float, float] | None = None
+    mass_in_motion: tuple[float, float]
+    damping_in_motion: tuple[float, float]
+    mass_beyond: tuple[float, float]
+    damping_beyond: tuple[float, float]
 
 
 class Contact(Document):

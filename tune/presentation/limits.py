@@ -309,13 +309,8 @@ def _felt_uses(design: Design, element: ElementProfile) -> _Found:
     if rendered is None or table is None or element.one_sided:
         return
     for effect, ends, weber, reach in (
-        ("mass", rendered.mass_in_motion or rendered.mass_at_ends, table.mass, motion.acceleration),
-        (
-            "damping",
-            rendered.damping_in_motion or rendered.damping_at_ends,
-            table.damping,
-            motion.speed,
-        ),
+        ("mass", rendered.mass_in_motion, table.mass, motion.acceleration),
+        ("damping", rendered.damping_in_motion, table.damping, motion.speed),
     ):
         asked: float = getattr(element, effect)
         total: float = getattr(design.device, effect).value + asked

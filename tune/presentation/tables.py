@@ -168,7 +168,7 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
                 ("mass", rendered.mass, rendered.mass_in_motion, rendered.mass_beyond),
                 ("damping", rendered.damping, rendered.damping_in_motion, rendered.damping_beyond),
             )
-            if motion and beyond and any(motion)
+            if any(motion)
         ]
         if parts:
             lines.append(f"{name}: {', '.join(parts)}")

@@ -98,7 +98,7 @@ def test_what_is_left_of_several_files_is_named(capsys: pytest.CaptureFixture[st
         raise KeyboardInterrupt
 
     with pytest.raises(typer.Exit) as ended:
-        run_command("export", action, as_json=False, quiet=False)
+        run_command(Session(command="export", as_json=False, quiet=False), action)
     assert ended.value.exit_code == 130
     assert capsys.readouterr().err == (
         "haptune export: interrupted; written: one.c; not written: two.h, three.md\n"

@@ -98,7 +98,7 @@ def test_a_failure_between_two_files_says_which_is_written(
         raise OSError(28, "No space left on device")
 
     with pytest.raises(typer.Exit) as ended:
-        run_command("export", action, as_json=False, quiet=False)
+        run_command(Session(command="export", as_json=False, quiet=False), action)
     assert ended.value.exit_code == 7
     assert "two.h: not written: No space left" in (err := capsys.readouterr().err)
     assert err.endswith("Of all files, written: one.c; not written: two.h.\n")

@@ -301,21 +301,10 @@ def _print_error(text: str) -> None:
     print(wrap_text(printable(text), sys.stderr), file=sys.stderr)  # noqa: T201
 
 
-def run_command(
-    command: str,
-    action: Callable[[Session], None],
-    *,
-    as_json: bool,
-    quiet: bool,
-    verbose: bool = False,
-    no_input: bool = False,
-) -> None:
+def run_command(session: Session, action: Callable[[Session], None]) -> None:
     """Run a command; raises typer.Exit always, with the contract's code of what happened."""
     import typer
 
-    session = Session(
-        command=command, as_json=as_json, quiet=quiet, verbose=verbose, no_input=no_input
-    )
     try:
         action(session)
         ignore_signals()
@@ -529,18 +518,18 @@ def command(
 
         @wraps(body)
         def run(**given: Any) -> None:
-            manner = {
-                "as_json": given.pop("json"),
-                "quiet": given.pop("quiet"),
-                "verbose": given.pop("verbose"),
-                "no_input": given.pop("no_input", False),
-            }
+            session = Session(
+                command=body.__name__.removesuffix("_command"),
+                as_json=given.pop("json"),
+                quiet=given.pop("quiet"),
+                verbose=given.pop("verbose"),
+                no_input=given.pop("no_input", False),
+            )
             if reads_logs:
                 given["options"] = LogOptions(
                     **{each.name: given.pop(each.name) for each in common}
                 )
-            name = body.__name__.removesuffix("_command")
-            run_command(name, lambda session: body(session, **given), **manner)
+            run_command(session, lambda session: body(session, **given))
 
         run.__dict__["__signature__"] = own.replace(parameters=offered)  # read by typer
         return run

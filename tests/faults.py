@@ -514,14 +514,14 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/templates/guard.c",
-        "tests/test_guard_flags.py",
+        "tests/test_guard_faults.py",
         ("a test that flags take out", "if (!usable(position)) {", "if (position != position) {"),
         ("a gain of NaN", "!usable(gain) || ", ""),
         ("a face of NaN", "} else if (!usable(rest)) {", "} else if (rest != rest) {"),
     ),
     *_of(
         "tune/templates/guard.h",
-        "tests/test_guard_flags.py tests/test_mixed_exports.py -k 'fault or compile or link'",
+        "tests/test_guard_faults.py tests/test_mixed_exports.py -k 'fault or compile or link'",
         ("flags that are refused", "(defined(__FINITE_MATH_ONLY__) && __FINITE", "(0 && __FINITE"),
         ("two headers in one source", "#if defined(HAPTUNE_PROFILE) && ", "#if 0 && "),
     ),

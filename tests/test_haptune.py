@@ -1,4 +1,4 @@
-"""The door ``import haptune``, names of files by text or path, libraries that keep quiet."""
+"""The door import haptune: its verbs, names of files by text or path, frames, quiet libraries."""
 
 from __future__ import annotations
 
@@ -12,13 +12,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import haptune
 import identification
 import tune
-from identification import InvalidInputError, Replaced
+from datasets_synthetic import bundled_path
+from identification import (
+    Hardware,
+    InvalidInputError,
+    Replaced,
+    load_device,
+    load_document,
+    load_trajectory,
+)
 from tests.commands import FLUID, form, log_text
+from tune import Effects, audit, compare, load_profile, region_picture
 
 ROOT = Path(__file__).parents[1]
 VERBS = ("identify", "optimise", "audit", "check", "verify", "export")
@@ -180,3 +191,35 @@ def test_warnings_of_libraries_are_shown_to_those_who_ask(
 
 def _without_options() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name != "PYTHONWARNINGS"}
+
+
+LOG = bundled_path("homerehab.csv")
+HARDWARE = bundled_path("homerehab.hardware.yaml")
+
+
+def test_calibrate_goes_from_a_log_to_a_profile_whose_results_are_frames(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(FLUID, encoding="utf-8")
+    profile = haptune.calibrate(LOG, scene, hardware=HARDWARE)
+    frame = profile.to_frame()
+    assert frame.select("element", "effect", "value").rows() == [("water", "damping", 10.0)]
+    assert frame["limited_by"].to_list() == ["wanted"]
+    assert "<table" in profile._repr_html_()  # pyright: ignore[reportPrivateUsage]
+    path = tmp_path / "profile.yaml"
+    path.write_text(profile.to_yaml(), encoding="utf-8")
+    rows = compare(load_profile(path), load_device("homerehab")).to_frame()
+    assert {"quantity", "old", "new", "beyond", "steps"} <= set(rows.columns)
+    axes = Figure().add_subplot()
+    assert region_picture(profile, ax=axes) is axes.figure
+    assert "square-root" in axes.get_xlabel()
+
+
+def test_identification_and_audit_are_frames() -> None:
+    hardware = load_document(Hardware, HARDWARE)
+    found = haptune.identify(load_trajectory(LOG), hardware=hardware)
+    rows = {row["quantity"]: row for row in found.to_frame().to_dicts()}
+    assert rows["mass"]["low"] < 3.0 < rows["mass"]["high"]
+    judged = audit(load_device("homerehab"), Effects(stiffness=800.0)).to_frame()
+    peak = judged.filter(judged["quantity"] == "peak_force")
+    np.testing.assert_allclose(peak["seen"][0], 8.0)  # 800 N/m over 10 mm
+    assert peak["needed"][0] == 28.0

@@ -6,14 +6,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import product
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.path import Path
-from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from identification import legend_above
@@ -35,7 +32,6 @@ from tune.presentation.limits import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
-    from matplotlib.text import Annotation
 
 
 FloatArray = NDArray[np.float64]
@@ -157,17 +153,10 @@ _STEP, _WITHOUT_LIMIT = 0.1, 1.0
 _FIRST, _EFFECT = 4.6, 0.36
 #: Elements that are drawn one by one, at most: a picture of more would be read by nobody.
 _MOST_ELEMENTS = 12
-#: Offset of a label in points of a typographer, and how its text is aligned there.
-_Place = tuple[float, float, Literal["left", "right"]]
-_POINTS_PER_INCH = 72.0
-#: Pixels between a label and what it keeps off.
-_GAP = 4.0
-#: Distances from the point that are tried, points of a typographer, and directions at each.
-_DISTANCES = (6, 14, 24, 36, 50, 66, 84, 104)
-_DIRECTIONS = ((1.0, 0.4), (1.0, -0.6), (-1.0, 0.4), (-1.0, -0.6), (0.3, 1.0),
-               (0.3, -1.2), (-0.6, 1.0), (-0.6, -1.2), (0.8, 0.8), (-0.8, 0.8))  # fmt: skip
-#: Farther than this, points, a line leads from the label to its point.
-_FAR = 20
+#: Markers of the elements in the region, one after the other.
+_MARKERS = "os^Dv<>pPX*h"
+#: Names in one column of the legend, about.
+_COLUMN = 6
 
 
 def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
@@ -283,24 +272,35 @@ def _verdict(profile: Design) -> str:
 
 
 def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
-    """The region for M = 0 and every element; open circles lie in planes of their own mass."""
+    """The region for M = 0 and every element; open marks lie in planes of their own mass."""
     units, elements = UNITS[profile.device.motion], profile.elements
     dampings = [element.damping for element in elements.values()]
     ends = (min(0.0, *dampings), max(0.0, *dampings))
     highest = max(element.stiffness for element in elements.values())
     draw_region(axes, boundaries, 0.0, ends, highest, units)
-    title = "region for M = 0; open circles lie in planes of their own mass"
-    set_small_title(axes, title)
-    labels: list[tuple[float, float, str]] = []
-    for name in _playing(profile):
-        B, K, M = elements[name].damping, elements[name].stiffness, elements[name].mass
-        fill = "none" if M else "black"
-        axes.scatter([B], [K], s=25, facecolors=fill, edgecolors="k", clip_on=False, zorder=5)
-        labels.append((B, K, short_name(name) + (f", M = {M:.2g} {units['mass']}" if M else "")))
-    left_out = len(labels) - len(place_labels(axes, labels))
-    if left_out:
-        named = "names have" if left_out > 1 else "name has"
-        set_small_title(axes, f"{title}\n{left_out} {named} no room")
+    set_small_title(axes, "region for M = 0; open marks lie in planes of their own mass")
+    told = axes.get_legend()
+    points = [
+        axes.scatter(
+            [elements[name].damping],
+            [elements[name].stiffness],
+            s=32,
+            marker=marker,
+            facecolors="none" if elements[name].mass else "black",
+            edgecolors="k",
+            clip_on=False,
+            zorder=5,
+            label=short_name(name)
+            + (f", M = {elements[name].mass:.2g} {units['mass']}" if elements[name].mass else ""),
+        )
+        for name, marker in zip(_playing(profile), cycle(_MARKERS), strict=False)
+    ]
+    if points:
+        many = 1 + (len(points) > _COLUMN)
+        own = axes.legend(handles=points, loc="best", fontsize=7, framealpha=0.6, ncols=many)
+        own.set_zorder(4)  # below the marks, which it may have no room beside
+    if told is not None:
+        axes.add_artist(told)  # what the boundaries are stays told above
 
 
 def element_picture(design: Design, name: str, *, boundaries: Boundaries | None = None) -> Figure:
@@ -375,81 +375,3 @@ def _draw_devices(axes: Axes, found: Response, values: np.ndarray) -> None:
     axes.tick_params(labelsize=8)
     axes.set_xlabel("time, s")
     legend_above(axes)
-
-
-def place_labels(axes: Axes, labels: Sequence[tuple[float, float, str]]) -> list[Annotation]:
-    """Write a label near each point, off all other labels, points and lines, inside of the axes.
-
-    Where the axes are must be settled: no layout may move them afterwards. Labels are (x, y, text)
-    in the data of the axes; those for which there is no room are neither written nor returned.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    places = [axes.transData.transform((x, y)) for x, y, _ in labels]
-    points = [Bbox.from_extents(x - 3, y - 3, x + 3, y + 3) for x, y in places]
-    room = _Room(frame=axes.get_window_extent(), points=points)
-    pixels = figure.dpi / _POINTS_PER_INCH
-    found: list[Annotation] = []
-    for x, y, text in labels:
-        label = axes.annotate(text, (x, y), xytext=(0, 0), textcoords="offset points", fontsize=8)
-        across, up = (float(each) for each in axes.transData.transform((x, y)))
-        place = room.place(label.get_window_extent(renderer), (across, up), pixels)
-        if place is None:
-            label.remove()
-            continue
-        across, up, where = place
-        label.set_horizontalalignment(where)
-        label.set_position((across, up))
-        if max(abs(across), abs(up)) > _FAR:
-            arrow = {"arrowstyle": "-", "color": "0.6", "lw": 0.6}
-            end, unit = (across, up), "offset points"
-            axes.annotate("", (x, y), xytext=end, textcoords=unit, arrowprops=arrow)
-        found.append(label)
-    return found
-
-
-@dataclass(slots=True, kw_only=True)
-class _Room:
-    """What is taken inside of axes, in pixels: points, labels, and lines from one to the other."""
-
-    frame: Bbox
-    points: list[Bbox]
-    labels: list[Bbox] = field(default_factory=list[Bbox])
-    lines: list[Path] = field(default_factory=list[Path])
-
-    def place(self, size: Bbox, point: tuple[float, float], pixels: float) -> _Place | None:
-        """Take the first place that is free for a label of a size that begins at a point.
-
-        Places whose line crosses no label are sought first; None where no place is free. Pixels are
-        those of a point of a typographer.
-        """
-        for crossing in (False, True):
-            for distance, (right, above) in product(_DISTANCES, _DIRECTIONS):
-                across, up = distance * right, distance * above
-                where = "left" if right > 0 else "right"
-                left = across * pixels - (size.width if where == "right" else 0.0)
-                box = size.translated(left, up * pixels)
-                far = max(abs(across), abs(up)) > _FAR
-                end = (point[0] + across * pixels, point[1] + up * pixels)
-                line = Path([point, end]) if far else None
-                if self._free(box.padded(_GAP), line, crossing=crossing):
-                    self.labels.append(box)
-                    self.lines += [line] if line else []
-                    return across, up, where
-        return None
-
-    def _free(self, box: Bbox, line: Path | None, *, crossing: bool) -> bool:
-        """Whether a label and its line are free; with ``crossing``, lines may cross labels."""
-        inside = self.frame.x0 <= box.x0 and box.x1 <= self.frame.x1
-        inside = inside and self.frame.y0 <= box.y0 and box.y1 <= self.frame.y1
-        if not inside or any(box.overlaps(other) for other in (*self.points, *self.labels)):
-            return False
-        if crossing:
-            return True
-        crossed = line and any(line.intersects_bbox(each, filled=False) for each in self.labels)
-        return not crossed and not any(
-            each.intersects_bbox(box, filled=False) for each in self.lines
-        )

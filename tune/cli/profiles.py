@@ -79,8 +79,6 @@ def tune_command(
     """The largest perceivable effects of a scene that are safe on a device."""
     session.target(output, scene, Path(device))
     session.target(picture, scene, Path(device), output)
-    sheet = picture and _further_picture(picture, "candidates") if candidates else None
-    session.target(sheet, scene, Path(device), output)
     known = ident.load_device(device)
     stated = ask_facts(session, known, None) if session.asks else None
     if stated is not None:
@@ -90,7 +88,7 @@ def tune_command(
         session.write(Path(device), text, dry_run=dry_run, changes="facts stated")
     known.require_stated(subject=device, where=IN_DEVICE)
     wish = read_request(scene, margin)
-    profile = tune_device(session, known, wish, compare=candidates, sheet=sheet)
+    profile = tune_device(session, known, wish, compare=candidates)
     if what_if:
         say_what_would_help(session, profile, wish.scene, wish.table)
     _write_profile(session, output, profile, dry_run=dry_run)
@@ -118,8 +116,6 @@ def calibrate_command(
     inputs = (*logs, scene, hardware, output)
     session.target(picture, *inputs)
     session.target(picture and _further_picture(picture, "profile"), *inputs)
-    sheet = picture and _further_picture(picture, "candidates") if candidates else None
-    session.target(sheet, *inputs)
     columns = options.columns()
     wish = read_request(scene, margin)
     found = identify_logs(
@@ -128,7 +124,7 @@ def calibrate_command(
     found.device.require_stated(
         subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
     )
-    profile = tune_device(session, found.device, wish, compare=candidates, sheet=sheet)
+    profile = tune_device(session, found.device, wish, compare=candidates)
     before = None if picture is None else device_in(output)
     _write_profile(session, output, profile, dry_run=dry_run)
     if picture is not None:
@@ -183,32 +179,20 @@ def read_request(scene_file: Path, margin: MarginName | None) -> TuningRequest:
 
 
 def tune_device(
-    session: Session,
-    device: Device,
-    wish: TuningRequest,
-    *,
-    compare: bool = False,
-    sheet: Path | None = None,
+    session: Session, device: Device, wish: TuningRequest, *, compare: bool = False
 ) -> SafeProfile:
-    """Tune, show the result and return it; all candidates are compared, and drawn, if asked.
+    """Tune, show the result and return it; all candidates are compared if asked.
 
     What cannot be proved, or does not settle in simulation, is refused as no feasible effect.
     """
     try:
-        return _tuned(session, device, wish, compare=compare, sheet=sheet)
+        return _tuned(session, device, wish, compare=compare)
     except CheckFailedError as error:
         reasons = (f"{each.removesuffix('.')}. Ask for less of it" for each in error.failures)
         raise NoFeasibleEffectError(tuple(reasons)) from error
 
 
-def _tuned(
-    session: Session,
-    device: Device,
-    wish: TuningRequest,
-    *,
-    compare: bool,
-    sheet: Path | None,
-) -> SafeProfile:
+def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bool) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
     from tune.optimisation.describe import unmet_wishes
     from tune.presentation.tables import (
@@ -219,7 +203,7 @@ def _tuned(
     )
 
     if compare:
-        profile = _choose_candidate(session, device, wish, sheet)
+        profile = _choose_candidate(session, device, wish)
         with session.progress() as say:
             refuse_restless(profile, say)
     else:
@@ -307,13 +291,10 @@ def _write_profile(
         )
 
 
-def _choose_candidate(
-    session: Session, device: Device, wish: TuningRequest, sheet: Path | None
-) -> SafeProfile:
+def _choose_candidate(session: Session, device: Device, wish: TuningRequest) -> SafeProfile:
     """The candidate with the scene's margin, or why there is none, after all three were shown."""
     from tune.optimisation import (
         candidates,
-        candidates_picture,
         compare_candidates,
     )
     from tune.presentation.tables import candidates_lines, candidates_table
@@ -331,7 +312,6 @@ def _choose_candidate(
     if chosen.profile is None:
         assert chosen.error is not None
         raise chosen.error
-    session.draw(sheet, lambda: candidates_picture(rows, device.motion))
     return chosen.profile
 
 

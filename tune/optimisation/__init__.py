@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, cast
-
-import numpy as np
+from typing import TYPE_CHECKING, Literal, cast
 
 from identification import (
     Device,
@@ -43,7 +41,6 @@ from tune.documents.profile import (
 from tune.documents.scene import (
     EFFECT_NAMES,
     MARGINS,
-    UNITS,
     EffectName,
     MarginName,
     Scene,
@@ -68,9 +65,6 @@ from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import groups, solve
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from identification import Motion
     from tune.optimisation.saturation import AllFound
 
 
@@ -87,10 +81,6 @@ _CELLS = 50_000
 _RECOMMENDED: MarginName = "balanced"
 #: What may be favoured.
 Favour = Literal["stiffness", "mass"]
-#: Of the height of an effect that its bars take up.
-_FILLED = 0.8
-#: Times the longest bar that the axis is, for the sizes beside the bars.
-_ROOM = 1.15
 _Content = dict[str, object]
 
 
@@ -422,38 +412,6 @@ def _estimate(
     steps = element.perceived_steps.get(effect, 0.0)
     felt = scale.value_at(steps, -1 if getattr(element, effect) < 0 else 1)
     return replace(scale.estimate(felt, table.fraction(effect)), value=steps)
-
-
-def candidates_picture(rows: Sequence[CandidateEffect], motion: Motion) -> Figure:
-    """Perceived steps of each effect with each candidate, their values beside the bars.
-
-    Args:
-        rows: of `compare_candidates`, at least one.
-        motion: of the device, which gives the units.
-    """
-    from identification import NotebookFigure, legend_above
-
-    units = UNITS[motion]
-    names = list(dict.fromkeys(row.candidate for row in rows))
-    effects = list(dict.fromkeys((row.element, row.effect) for row in rows))
-    figure = NotebookFigure(figsize=(8, 0.6 + 0.9 * len(effects)), layout="constrained")
-    axes: Any = figure.subplots()
-    height = _FILLED / len(names)
-    for place, name in enumerate(names):
-        mine = [row for row in rows if row.candidate == name]
-        lines = np.array([effects.index((row.element, row.effect)) for row in mine])
-        steps = [row.steps.value for row in mine]
-        at = -lines + _FILLED / 2 - height * (place + 0.5)
-        axes.barh(at, steps, height=0.9 * height, label=name)
-        for row, line, step in zip(mine, at.tolist(), steps, strict=True):
-            axes.text(step, line, f" {row.value:.4g}", va="center", fontsize=6)
-    axes.axvline(1, color="k", lw=0.8, ls=":")
-    names_of_rows = [f"{element} {effect}, {units[effect]}" for element, effect in effects]
-    axes.set_yticks([-k for k in range(len(effects))], names_of_rows, fontsize=8)
-    axes.set_xlim(0, _ROOM * max(1.0, *(row.steps.value for row in rows)))
-    axes.set_xlabel("steps a hand can tell apart; their sizes beside the bars")
-    legend_above(axes)
-    return figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

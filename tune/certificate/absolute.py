@@ -1,15 +1,7 @@
-"""Absolute stability proved over the whole box with a stated multiplier.
+"""Absolute stability proved over the whole box with a stated multiplier; docs/theory.md, 10.
 
-An element with a spring is one nondecreasing function of u = K·y + B·v + M·a, zero at nothing and
-of slope at most 1; what is damping only is multiplied by any θ(t) in [0, 1]. With a multiplier of
-each, a constant for damping, they are stable if at every frequency the Hermitian part of
-
-    Mᵢ·(δᵢⱼ/(g·sᵢ) + oᵢ·G)
-
-is positive definite, sᵢ being K or B and sᵢ·oᵢ the law (Zames and Falb; the circle criterion for
-what is switched; docs/theory.md, 10). With aᵢ = Re Mᵢ/(g·sᵢ) and pᵢ = Mᵢ·oᵢ that is
-diag(a) + p·(G, G, ...): the second matrix has rank one, its Hermitian part at most one negative
-eigenvalue, and the first is not negative, so that positive definite is a positive determinant,
+With aᵢ = Re Mᵢ/(g·sᵢ) and pᵢ = Mᵢ·oᵢ the matrix of the condition is diag(a) + p·(G, G, ...), whose
+second part has rank one: it is positive definite where its determinant is positive,
 
     Π aᵢ + Σ Re(pᵢ·G)·Π_{j≠i} aⱼ - ¼|G|²·Σ_{i<j} |pᵢ - pⱼ|²·Π_{k≠i,j} aₖ > 0.
 

@@ -1,28 +1,20 @@
 """The sampled plant in w: modes and a hand, current lag, zero-order hold, a delay of any length.
 
-The device as a controller meets it, before it has any filters. In units of the mass and the sample
-time, d0 = s² + δs + k is the rigid mass on its damper and on the slope of its own force by
-position, di = s² + 2ζΩs + Ω² a mode and h = μs² + ηs + κ the hand. With participations e at the
-encoder and p at the handle (1 for the rigid mass) position over force is N/D,
+The device as a controller meets it, before it has any filters; docs/theory.md, 1. In units of the
+mass and the sample time, d0 = s² + δs + k is the rigid mass on its damper and on the slope of its
+own force by position, di a mode and h the hand: position over force is N/D, which are split into
+real quadratic factors and partial fractions over them. Without a negative damping or slope nothing
+cancels. Close poles make the terms of fractions large, and with them the sizes of what is put
+together from them.
 
-    D = Π di + h·Σ pi² Π_{j≠i} dj                                  (matrix determinant lemma)
-    N = Σ ei² Π_{j≠i} dj + h·Σ_{i<j} (ei·pj - ej·pi)² Π_{l≠i,j} dl     (Sherman-Morrison, Lagrange)
-
-Without a negative damping or slope every term of D and N is positive: nothing cancels. D is then
-split into real quadratic factors and N into partial fractions over them. Close poles make the
-terms of those large, and with them the sizes of what is put together from them.
-
-**The zero-order hold** of x'' + a·x' + b·x = u in units of the sample time, with the force F[k-1]
-until the fraction f of the step and F[k] after it, is z·(z² - t·z + p)·x = (b1·z² + b2·z + b3)·F.
-In w, over (1-w)²,
+The hold of each factor, with the force F[k-1] until the fraction f of the step and F[k] after it,
+is z·(z² - t·z + p)·x = (b1·z² + b2·z + b3)·F, in w over (1-w)²
 
     (b1+b2+b3) + 2(b1-b3)w + (b1-b2+b3)w²
 
-With the impulse response g(v) and its mirror image e(v) = exp(-a(1-v))·g(v), b1 is the integral of
-g from 0 to 1-f, b3 that of e from 0 to f, the first coefficient that of g + e from 0 to 1, and the
-last that of g - e less what the fraction moves. All integrands are positive up to half an
-oscillation, so that sums over nodes lose nothing, whether the poles are real, complex, equal or
-zero. Poles far outside what the nodes can follow have closed forms without cancellation.
+by integrals of the impulse response g(v) and its mirror image e(v) = exp(-a(1-v))·g(v), positive up
+to half an oscillation: sums over nodes lose nothing, be poles real, complex, equal or zero. Poles
+far outside what the nodes can follow have closed forms without cancellation.
 """
 
 from __future__ import annotations

@@ -2,13 +2,8 @@
 
 A wall that is entered and left switches between two loops, and a clock that jitters between many:
 both are followed in time. The state is that of the mechanism in continuous time, the commands on
-their way to the actuator, and what the estimators remember.
-
-An element with a spring is entered where its law K·y + B·v + M·a passes zero: before its place
-where it damps, because a hand comes fast. From there to where the law passes zero again the sampled
-loop is linear, so that the ratio of speeds depends on the device and on where between two samples
-it is entered, and not on the speed. The estimates of velocity and acceleration run outside too: on
-entry they hold the free motion, speed constant and acceleration none.
+their way to the actuator, and what the estimators remember, which run outside of an element too.
+Where an element is entered and left: docs/theory.md, 11.
 """
 
 from __future__ import annotations

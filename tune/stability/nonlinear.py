@@ -1,34 +1,15 @@
 """Stability of what is not linear and time-invariant: clamps, dampers that switch, jitter, fades.
 
-**Absolute stability.** Each element with a spring is one nondecreasing function φ of one signal,
-zero at nothing and of slope at most 1: F = -φ(K·y + B·v + M·a). Dampers that may be switched at any
-time are θ(t)·B·v with θ(t) in [0, 1]. With the multiplier Mᵢ of Zames and Falb of each (a constant
-for what is switched), force and velocity die away if at every frequency the Hermitian part of
+**Absolute stability** (docs/theory.md, 10). The matrix Mᵢ·(δᵢⱼ/(g·sᵢ) + oᵢ·G) of multipliers Mᵢ is
+D/g + C with a diagonal D that is positive: one eigenvalue problem tells the largest g, on the
+frequency responses of the loops along the upper half of the unit circle.
 
-    Mᵢ·(δᵢⱼ/(g·sᵢ) + oᵢ·G)
+**Jitter** (docs/theory.md, 11). One norm that shrinks under steps of any length within T(1 ± j),
+that of the modes of the even loop, weighed by the Perron vectors of the largest moduli.
 
-is positive definite, sᵢ being K or B, sᵢ·oᵢ the law and G position over force (docs/theory.md, 11).
-That is D/g + C with a diagonal D that is positive: one eigenvalue problem tells the largest g, on
-the frequency responses of the loops along the upper half of the unit circle.
-
-**Jitter.** With steps of any length within T(1 ± j), one after the other in any order, the loop is
-a product of transition matrices A(τ). It is stable if one norm, a common quadratic Lyapunov
-function, shrinks under all of them. The norm taken is that of the closed loop's own modes at the
-even step, each weighed: with A(T) = V·Λ·V⁻¹ and weights D,
-
-    max over τ of ‖D·V⁻¹·A(τ)·V·D⁻¹‖ < 1.
-
-At the even step it is the largest modulus of a pole whatever the weights; they are taken from the
-Perron vectors of the elementwise largest moduli, the best for matrices without signs.
-
-**Fades.** An element with mass is faded in and out, its level l[k] rising or falling by at most T/τ
-a sample. At each constant level the loop is stable; a swing may still gain from a level that moves
-with it, as a pendulum does from a string drawn in and let out. In coordinates that all levels share
-
-    x[k+1] = (A + l[k]·e·cᵀ)·x[k],
-
-and a hand that enters and leaves decides l. What pumps most goes to and fro between two levels and
-waits at each for part of a half swing: the eigenvalues of one such period tell whether it grows.
+**Fades** (docs/theory.md, 10). In coordinates that all levels share x[k+1] = (A + l[k]·e·cᵀ)·x[k].
+What pumps most goes to and fro between two levels and waits at each for part of a half swing: the
+eigenvalues of one such period tell whether it grows.
 """
 
 from __future__ import annotations

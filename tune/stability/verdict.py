@@ -2,13 +2,10 @@
 
 One criterion and one way of finding boundaries serve every combination of effects: the published
 limits (6), (13), (19), (25), (28), (36) and (43) are what `largest` and `is_stable` answer when
-the other effects are absent.
-
-Boundaries are those of A(w) + s·B(w), s > 0. A root can only cross at w = jω. With x = ω² both even
-and odd part vanish there: E_A(x) + s·E_B(x) = 0 and O_A(x) + s·O_B(x) = 0, so x is a positive root
-of one polynomial, E_A·O_B - O_A·E_B, and s = -E_A/E_B. Beside these there are crossings at w = 0
-and w = ∞. No iteration over s, no grid: between two neighbouring crossings nothing changes, and the
-criterion decides once.
+the other effects are absent. Boundaries along A(w) + s·B(w), s > 0, are positive roots of one
+polynomial in x = ω², E_A·O_B - O_A·E_B, with s = -E_A/E_B, and the ends w = 0 and w = ∞
+(docs/theory.md, 3). No iteration over s, no grid: between two neighbouring crossings nothing
+changes, and the criterion decides once.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import product
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -157,7 +158,6 @@ def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
     They make every row of slopes zero.
     """
     import clarabel
-    from scipy.sparse import csc_matrix
 
     count, points, *_ = table.shape
     cone, rows, unit = _cone_rows(table)
@@ -175,12 +175,24 @@ def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
     cones: list[clarabel.Cone] = [clarabel.ZeroConeT(equal), clarabel.NonnegativeConeT(count)]
     cones += [clarabel.NonnegativeConeT(points)] if cone is None else [cone] * points
     answer = clarabel.DefaultSolver(
-        csc_matrix((count + 1, count + 1)), cost, csc_matrix(program), target, cones, settings
+        _sparse(np.zeros((count + 1, count + 1))), cost, _sparse(program), target, cones, settings
     ).solve()
     found = np.array(answer.x, dtype=np.float64)
     if not np.all(np.isfinite(found)) or not found[-1] > -_NOTHING:
         return None
     return np.maximum(found[:-1], 0.0)
+
+
+def _sparse(matrix: FloatArray) -> SimpleNamespace:
+    """What the solver reads of scipy's csc_matrix, which takes as long to import as to solve all."""
+    columns, rows = np.nonzero(matrix.T)
+    return SimpleNamespace(
+        shape=matrix.shape,
+        data=matrix[rows, columns],
+        indices=rows,
+        indptr=np.searchsorted(columns, np.arange(len(matrix.T) + 1)),
+        has_canonical_format=True,
+    )
 
 
 def _cone_rows(table: ComplexArray) -> tuple[clarabel.Cone | None, FloatArray, FloatArray]:

@@ -191,7 +191,8 @@ class RigidDynamics:
         self._drag = _drag(rig, hand, self._mass)
         self._offset = column(rig.force_offset) - column(hand.stiffness) * column(hand.rest)
         there = [load for load in (loads.device, loads.handle) if load is not None]
-        self._forces = sum(there[1:], start=there[0]) if there else None
+        #: What resists besides drag, N, at each sample if it changes.
+        self._loads = np.ascontiguousarray(self._offset - sum(there)) if there else None
         self._resisted = self._offset
         self._state = np.stack((position, velocity))
         self._strides: dict[int, Stride | None] = {}
@@ -202,8 +203,8 @@ class RigidDynamics:
 
     def begin(self, sample: int) -> None:
         """The unlogged forces are now those of this sample."""
-        if self._forces is not None:
-            self._resisted = self._offset - self._forces[sample]
+        if self._loads is not None:
+            self._resisted = self._loads[sample]
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
@@ -247,14 +248,11 @@ def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
     damping, uneven = column(rig.damping) + column(hand.damping), column(rig.damping_asymmetry)
     friction, askew = column(rig.coulomb_friction), column(rig.coulomb_asymmetry)
     rate = rate_back = damping / mass
-    grip = grip_back = friction / mass
     turning = friction > 0
     # An asymmetry is added for motion along +position and taken off for motion along -position.
     if np.any(uneven):
         rate, rate_back = (damping + uneven) / mass, (damping - uneven) / mass
         turning = turning | (uneven != 0)
-    if np.any(askew):
-        grip, grip_back = (friction + askew) / mass, (friction - askew) / mass
     stiffness = column(rig.stiffness) + column(hand.stiffness)
     sine, cosine = column(rig.gravity_sine) / mass, column(rig.gravity_cosine) / mass
     curved = bool(np.any(sine) or np.any(cosine))
@@ -263,9 +261,9 @@ def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
         field = Field(stiffness=stiffness / mass, sine=sine, cosine=cosine, curved=curved)
     return Drag(
         rate=rate,
-        grip=grip,
+        grip=(friction + askew) / mass,
         rate_back=rate_back,
-        grip_back=grip_back,
+        grip_back=(askew - friction) / mass,
         turning=turning if turning.any() else None,
         field=field,
     )

@@ -7,6 +7,7 @@ while a wall pushes. A damper alone is switched at any moment.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar, cast
 
@@ -73,13 +74,14 @@ class _Transitions:
         mass: FloatArray,
         side: FloatArray,
         rest: FloatArray,
+        level: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
         fade: FloatArray,
     ) -> None:
         """K (N/m), B (N·s/m), M (kg), side (0: no wall), rest (m), bounds of each clamp (N).
 
-        ``rest`` is a view: what it is changed to here is played. ``fade`` is the change of a level
-        in a sample, 1 where nothing fades.
+        ``rest`` and ``level`` are views: what they are changed to here is played. ``fade`` is the
+        change of a level in a sample, 1 where nothing fades.
         """
         batch = stiffness.shape[1]
         self._stiffness = stiffness
@@ -87,7 +89,7 @@ class _Transitions:
         self._spring, self._walls, self._side = stiffness > 0, side != 0, side
         self._place = rest.copy()
         fades = fade < 1
-        self._fade, self._fades = fade, fades if fades.any() else None
+        self._fade, self._fades = fade, fades
         self._taps, self._until = calls.taps, calls.until
         entrance = np.where(self._walls, -np.inf, per_member(calls.entrance, batch))
         self._entrance = entrance if np.isfinite(entrance).any() else None
@@ -106,52 +108,80 @@ class _Transitions:
         self._gain = np.ones((len(stiffness), 1))
         self._always = np.ones(stiffness.shape)
         self._asked: FloatArray | None = None
-        self._level = np.zeros(stiffness.shape)
+        self._level = level
         #: Walls that are not at their faces, and the last samples with a force, there or here.
         self._moved: Mask | None = None
         self._met, self._busy = np.zeros(stiffness.shape), np.zeros(stiffness.shape)
         self._last, self._sample = np.zeros(batch), 0
-        #: Springs whose level waits to rise until they were quiet; None where any may change.
-        self._waiting: Mask | None = None
+        #: Sample from which on a spring whose level waits to rise may have been quiet.
+        self._due = 0
+        #: Members in which something fades, and the walls there that stop it while they push.
+        self._fading: tuple[IntArray, Mask] | None = None
+        #: What acted since anybody asked whether it was quiet.
+        self._unseen: deque[FloatArray] = deque(maxlen=calls.taps)
 
-    def force(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> FloatArray:
-        """What acts of each clamp, N, shape (elements, batch).
+    def follow(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> None:
+        """Changes levels, and what is entered in the law.
 
-        ``moving`` is B·velocity + M·acceleration, ``law`` each clamp of all of it; the reading has
-        shape (batch,).
+        ``moving`` is B·velocity + M·acceleration, ``law`` each clamp of all of it, N, both of shape
+        (elements, batch); the reading has shape (batch,).
         """
         self._sample = k = self._sample + 1
         asked, before = self._called(reading, law), self._asked
         self._asked = asked
         if before is None:  # what is there from the start is not entered
-            self._level, before = asked.copy(), asked
+            self._level[:], before = asked, asked
+        back = self._moved is not None and bool(np.count_nonzero(self._moved & (law == 0)))
+        if asked is before and k < self._due and not back:
+            self._unseen.append(law)
+            self._fade_on(law, asked)
+            return
+        if self._unseen:
+            samples = np.arange(k - len(self._unseen), k)[:, None, None]
+            seen = np.max(samples * (np.array(self._unseen) != 0), axis=0)
+            self._busy = np.maximum(self._busy, seen)
+            self._unseen.clear()
         entering = None
         if asked is not before:
             entering = self._spring & (asked > 0) & (before == 0) & (self._level == 0)
             if np.count_nonzero(entering):
                 self._enter(entering, reading, moving)
-                law = np.where(entering, self._clamped(reading, moving, self._rest), law)
+                np.copyto(law, self._clamped(reading, moving, self._rest), where=entering)
         np.copyto(self._busy, k, where=law != 0)
         quiet = self._busy <= k - self._taps
-        waiting = self._waiting if asked is before and self._moved is None else None
-        if waiting is not None and not np.count_nonzero(waiting & quiet):
-            return law * self._level
         if self._moved is not None and np.count_nonzero(self._moved & (law == 0)):
             self._return(quiet, reading, moving)
         rises = quiet | ~self._spring
         if entering is not None:
             rises |= entering
         level = np.where(rises, asked, np.minimum(self._level, asked))
-        if self._fades is not None:
-            pushes = np.logical_or.reduce((law * level != 0) & self._walls)
-            change = self._fade * ~pushes
-            faded = np.minimum(np.maximum(asked, self._level - change), self._level + change)
-            np.copyto(level, faded, where=self._fades)
-        self._level = level
-        waiting = level != asked
-        fades = self._fades is not None and np.count_nonzero(waiting & self._fades)
-        self._waiting = None if fades or asked is not before else waiting
-        return law * level
+        np.copyto(self._level, level, where=~self._fades)
+        self._due = k + 1
+        if asked is before:
+            since = self._busy[(level != asked) & ~self._fades]
+            self._due = int(since.min()) + self._taps if since.size else np.iinfo(np.int64).max
+        self._look_at_fades(asked)
+        self._fade_on(law, asked)
+
+    def _look_at_fades(self, asked: FloatArray) -> None:
+        """Where anything has still to fade."""
+        members = np.flatnonzero(np.logical_or.reduce((self._level != asked) & self._fades))
+        walls = (self._walls & (self._level != 0))[:, members]
+        self._fading = (members, walls) if members.size else None
+
+    def _fade_on(self, law: FloatArray, asked: FloatArray) -> None:
+        """Levels that fade change, but where a wall pushes."""
+        if self._fading is None:
+            return
+        members, walls = self._fading
+        free = members[~np.logical_or.reduce((law.take(members, axis=1) != 0) & walls)]
+        if not free.size:
+            return
+        there = (self._level, self._fade, asked, self._fades)
+        level, change, asked_there, fades = (each.take(free, axis=1) for each in there)
+        faded = np.minimum(np.maximum(asked_there, level - change), level + change)
+        self._level[:, free] = np.where(fades, faded, level)
+        self._look_at_fades(asked)
 
     def _enter(self, entering: Mask, reading: FloatArray, moving: FloatArray) -> None:
         """Each rests where the device is; a wall at its face, if the device is not behind it."""
@@ -201,7 +231,8 @@ class _Transitions:
         self._last = reading
         if self._entrance is not None:
             asked = asked * (reading > self._entrance)
-        return asked if before is None or np.count_nonzero(asked != before) else before
+        # As bytes they are compared in a fraction of the time.
+        return before if before is not None and asked.tobytes() == before.tobytes() else asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -367,40 +398,6 @@ class Servo:
         return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
 
 
-class _FirstOrderEstimates:
-    """Velocity through one pole, acceleration through two equal ones, as difference equations."""
-
-    def __init__(
-        self,
-        velocity_pole: FloatArray,
-        acceleration_pole: FloatArray | None,
-        sample_time: FloatArray,
-    ) -> None:
-        """Without a pole of acceleration that is not estimated and said to be zero."""
-        self._velocity_pole = velocity_pole, 1 - velocity_pole
-        self._acceleration_pole = (
-            None if acceleration_pole is None else (acceleration_pole, 1 - acceleration_pole)
-        )
-        self._sample_time = sample_time
-        self._last: FloatArray | None = None
-        self._velocity = self._slope = self._acceleration = np.zeros_like(sample_time)
-
-    def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
-        last = reading if self._last is None else self._last
-        change = (reading - last) / self._sample_time
-        self._last = reading
-        pole, rest = self._velocity_pole
-        self._velocity = pole * self._velocity + rest * change
-        if self._acceleration_pole is not None:
-            pole, rest = self._acceleration_pole
-            slope = pole * self._slope + rest * change
-            change_of_slope = (slope - self._slope) / self._sample_time
-            self._acceleration = pole * self._acceleration + rest * change_of_slope
-            self._slope = slope
-        return self._velocity, self._acceleration
-
-
 class _SectionEstimates:
     """Second-order sections of the differences, or a moving window; members may differ in kind.
 
@@ -415,42 +412,41 @@ class _SectionEstimates:
         sample_time: FloatArray,
     ) -> None:
         """Sections (t, p) of both; window in samples, each shape (batch,)."""
-        self._sections = (velocity, acceleration)
-        self._window = window
+        self._t, self._p = (np.stack(pair) for pair in zip(velocity, acceleration, strict=True))
+        self._fresh = 1 - self._t + self._p
+        self._window = window if np.any(window > 1) else None
         self._sample_time = sample_time
-        self._last: FloatArray | None = None
         self._past = np.zeros((int(np.max(window)), sample_time.size))
         self._row = 0
-        still = np.zeros_like(sample_time)
-        self._change = still
-        self._velocity, self._acceleration = (still, still), (still, still)
+        self._last: FloatArray | None = None
+        self._now = self._before = np.zeros_like(self._t)
+        #: Change of the reading and change of that, over the sample time, now and before.
+        self._slopes, self._spare = np.zeros_like(self._t), np.zeros_like(self._t)
 
-    def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def update(self, reading: FloatArray) -> FloatArray:
+        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (2, batch)."""
         if self._last is None:
             self._past[:] = reading
-        last = reading if self._last is None else self._last
-        change = (reading - last) / self._sample_time
-        self._last = reading
-        velocity, acceleration = self._sections
-        self._velocity = _section(velocity, self._velocity, self._mean_slope(reading))
-        self._acceleration = _section(
-            acceleration, self._acceleration, (change - self._change) / self._sample_time
-        )
-        self._change = change
-        return self._velocity[0], self._acceleration[0]
+            self._last = reading
+        before, slopes = self._slopes, self._spare
+        np.subtract(reading, self._last, out=slopes[0])
+        slopes[0] /= self._sample_time
+        np.subtract(slopes[0], before[0], out=slopes[1])
+        slopes[1] /= self._sample_time
+        self._last, self._slopes, self._spare = reading, slopes, before
+        if self._window is not None:
+            slopes = np.stack((self._mean_slope(reading, self._window), slopes[1]))
+        now = self._t * self._now - self._p * self._before + self._fresh * slopes
+        self._now, self._before = now, self._now
+        return now
 
-    def _mean_slope(self, reading: FloatArray) -> FloatArray:
+    def _mean_slope(self, reading: FloatArray, window: NDArray[np.int64]) -> FloatArray:
         """(reading - reading n samples ago)/(n·T)."""
         rows = self._past.shape[0]
-        before = self._past[(self._row - self._window) % rows, np.arange(reading.size)]
+        before = self._past[(self._row - window) % rows, np.arange(reading.size)]
         self._past[self._row] = reading
         self._row = (self._row + 1) % rows
-        return (reading - before) / (self._window * self._sample_time)
-
-
-def _first_order_pole(cutoff: FloatArray | float, sample_time: FloatArray) -> FloatArray:
-    """a = exp(-2π·fc·T) of a cut-off in Hz; 0 where it is infinite."""
-    return np.exp(-2 * np.pi * cutoff * sample_time)
+        return (reading - before) / (window * self._sample_time)
 
 
 def _low_pass_poles(
@@ -473,31 +469,21 @@ def _low_pass_poles(
     return np.where(open_, 0.0, t), np.where(open_, 0.0, p)
 
 
-def _section(
-    poles: tuple[FloatArray, FloatArray], past: tuple[FloatArray, FloatArray], value: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    t, p = poles
-    return t * past[0] - p * past[1] + (1 - t + p) * value, past[0]
-
-
 class _TrackedEstimates:
     """Estimates of which one or both come from an observer; by derivative, 1 or 2."""
 
     def __init__(
-        self, others: _Estimates, observers: dict[int, Observer], sample_time: FloatArray
+        self, others: _SectionEstimates, observers: dict[int, Observer], sample_time: FloatArray
     ) -> None:
         self._others, self._observers, self._sample_time = others, observers, sample_time
 
-    def update(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (batch,) each."""
-        found = list(self._others.update(reading))
+    def update(self, reading: FloatArray) -> FloatArray:
+        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (2, batch)."""
+        found = self._others.update(reading).copy()
         for power, observer in self._observers.items():
             state = observer.update(reading)[:, power]
             found[power - 1] = state * (power / self._sample_time**power)
-        return found[0], found[1]
-
-
-_Estimates = _FirstOrderEstimates | _SectionEstimates | _TrackedEstimates
+        return found
 
 
 class ControlLaw:
@@ -510,12 +496,13 @@ class ControlLaw:
     def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
         """Sample time in s, shape (batch,)."""
         rows = controller.rows(np.arange(sample_time.size))
-        stiffness, self._damping, mass = rows["stiffness"], rows["damping"], rows["mass"]
-        self._estimates = _estimates(controller, sample_time, accelerates=bool(mass.any()))
-        self._stiffness = stiffness if stiffness.any() else None
-        self._mass = mass if mass.any() else None
+        self._stiffness, self._damping, self._mass = (
+            rows[name] for name in ("stiffness", "damping", "mass")
+        )
+        self._springs, self._masses = bool(self._stiffness.any()), bool(self._mass.any())
+        self._estimates = _estimates(controller, sample_time)
         self._rest, side = rows["place"], rows["side"]
-        most = np.where((stiffness > 0) | (side != 0), rows["level"], np.inf)
+        most = np.where((self._stiffness > 0) | (side != 0), rows["level"], np.inf)
         # A wall that pushes to lower readings lets pass what is positive, and the other way round.
         self._low = np.where(side < 0, 0.0, -most)
         self._high = np.where(side > 0, 0.0, most)
@@ -526,13 +513,15 @@ class ControlLaw:
         if calls is not None:
             self._moving = first = calls.first(sample_time.size)
             some = slice(first, None)
+            self._level = np.ones_like(self._rest)
             self._transitions = _Transitions(
                 calls.members(np.arange(first, sample_time.size)),
-                stiffness=stiffness[:, some],
+                stiffness=self._stiffness[:, some],
                 damping=self._damping[:, some],
-                mass=mass[:, some],
+                mass=self._mass[:, some],
                 side=side[:, some],
                 rest=self._rest[:, some],
+                level=self._level[:, some],
                 bounds=(self._low[:, some], self._high[:, some]),
                 fade=sample_time[some] / rows["fade_time"][:, some].clip(sample_time[some]),
             )
@@ -540,60 +529,35 @@ class ControlLaw:
     def force(self, reading: FloatArray) -> FloatArray:
         """Sum of what all elements give for this sample's reading (m), N, shape (batch,)."""
         velocity, acceleration = self._estimates.update(reading)
-        moving = self._damping * velocity
-        if self._mass is not None:
+        law = moving = self._damping * velocity
+        if self._masses:
             moving += self._mass * acceleration
-        law = moving
-        if self._stiffness is not None:
-            law = self._stiffness * (reading - self._rest) + moving
+        if self._springs:
+            law = self._stiffness * (reading - self._rest)
+            law += moving
         if self._cut:
             law = np.minimum(np.maximum(law, self._low), self._high)
         if self._transitions is not None:
             some = slice(self._moving, None)
-            law[:, some] = self._transitions.force(reading[some], moving[:, some], law[:, some])
+            self._transitions.follow(reading[some], moving[:, some], law[:, some])
+            law = law * self._level
         return -np.add.reduce(law)
 
 
-def _estimates(controller: Controller, sample_time: FloatArray, *, accelerates: bool) -> _Estimates:
-    """The filters; the usual ones as plain cascades of first order."""
-    velocity, acceleration = controller.velocity_filter_hz, controller.acceleration_filter_hz
+def _estimates(
+    controller: Controller, sample_time: FloatArray
+) -> _SectionEstimates | _TrackedEstimates:
+    """The filters, of which some may be observers."""
+    ratio, batch = controller.filter_damping_ratio, sample_time.size
     tracks: dict[int, Observer] = {}
+    sections: list[tuple[FloatArray, FloatArray]] = []
     for power, which in ((1, "velocity"), (2, "acceleration")):
         hertz = getattr(controller, f"{which}_filter_hz")
+        order = getattr(controller, f"{which}_filter_order")
         if getattr(controller, f"{which}_filter") == "tracking" and np.all(np.isfinite(hertz)):
-            states = int(np.max(getattr(controller, f"{which}_filter_order")))
-            ratio = controller.filter_damping_ratio
-            tracks[power] = Observer(states, hertz, ratio, sample_time)
-    if tracks:
-        beside = replace(
-            controller,
-            **{
-                f"{which}_filter{end}": value
-                for power, which in ((1, "velocity"), (2, "acceleration"))
-                if power in tracks
-                for end, value in (("", "low-pass"), ("_hz", np.inf), ("_order", 1))
-            },
-        )
-        others = _estimates(beside, sample_time, accelerates=accelerates)
-        return _TrackedEstimates(others, tracks, sample_time)
-    pairs_equal = np.equal(controller.acceleration_filter_order, 2) & np.equal(
-        controller.filter_damping_ratio, 1
-    )
-    if np.all(
-        np.equal(controller.velocity_filter_order, 1)
-        & np.equal(controller.velocity_window_samples, 1)
-        & (pairs_equal | np.isinf(acceleration))
-    ):
-        return _FirstOrderEstimates(
-            _first_order_pole(velocity, sample_time),
-            _first_order_pole(acceleration, sample_time) if accelerates else None,
-            sample_time,
-        )
-    ratio = controller.filter_damping_ratio
-    window = per_member(controller.velocity_window_samples, sample_time.size).astype(np.int64)
-    return _SectionEstimates(
-        _low_pass_poles(velocity, controller.velocity_filter_order, ratio, sample_time),
-        _low_pass_poles(acceleration, controller.acceleration_filter_order, ratio, sample_time),
-        window,
-        sample_time,
-    )
+            tracks[power] = Observer(int(np.max(order)), hertz, ratio, sample_time)
+            hertz = np.inf
+        sections.append(_low_pass_poles(hertz, order, ratio, sample_time))
+    window = per_member(controller.velocity_window_samples, batch).astype(np.int64)
+    others = _SectionEstimates(sections[0], sections[1], window, sample_time)
+    return _TrackedEstimates(others, tracks, sample_time) if tracks else others

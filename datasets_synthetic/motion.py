@@ -71,9 +71,8 @@ class Drag:
 
     rate: FloatArray  # p = b/m of motion along +position, 1/s
     grip: FloatArray  # Fc/m of motion along +position, m/s² (rad/s²)
-    #: the same for motion along -position; the very same array where nothing differs
-    rate_back: FloatArray
-    grip_back: FloatArray  # likewise
+    rate_back: FloatArray  # along -position; the very same array where nothing differs
+    grip_back: FloatArray  # along -position, which is what it resists with: not positive
     #: where the law changes with the direction, or None when nowhere
     turning: NDArray[np.bool_] | None
     field: Field | None = None  # forces of position, or None when there are none
@@ -85,12 +84,12 @@ class Drag:
 
     def members(self, which: NDArray[np.intp]) -> Drag:
         """The drag of these members, shape (members,)."""
-        rate, grip = self.rate[which], self.grip[which]
+        rate = self.rate[which]
         return Drag(
             rate=rate,
-            grip=grip,
+            grip=self.grip[which],
             rate_back=rate if self.rate_back is self.rate else self.rate_back[which],
-            grip_back=grip if self.grip_back is self.grip else self.grip_back[which],
+            grip_back=self.grip_back[which],
             turning=None if self.turning is None else self.turning[which],
             field=None if self.field is None else self.field.members(which),
         )
@@ -150,15 +149,18 @@ def advance(
         if stride is not None:
             return state + stride.change(state, pull)
         return state + _runge_kutta(state[0], state[1], pull, drag.rate, drag.field, step)
-    drive, rate, direction, slips = _slipping(state, pull, drag)
+    drive, rate, tends, held = _slipping(state, pull, drag)
     # What sticks stays, or it would be turned back at once, at more cost.
-    if stride is not None:
-        later = state + stride.change(state, drive) * slips
-    else:
-        moving = step * slips
+    if stride is None:
+        moving = step * (held != tends)
         later = state + _runge_kutta(state[0], state[1], drive, rate, drag.field, moving)
-    turning = np.nonzero((later[1] * direction < 0) & drag.turning)[0]
-    if turning.size:
+    elif drag.field is None:  # nothing drives what sticks
+        later = state + stride.change(state, drive)
+    else:
+        later = state + stride.change(state, drive) * (held != tends)
+    turned = (later[1] * tends < 0) & drag.turning
+    if np.count_nonzero(turned):
+        turning = np.flatnonzero(turned)
         later[:, turning] = _turn(
             (state[0, turning], state[1, turning], later[1, turning]),
             (drive[turning], rate[turning], pull[turning]),
@@ -168,21 +170,24 @@ def advance(
     return later
 
 
+#: Whatever moves tends to go on, however slowly, and whatever pulls at it.
+_GOES_ON = 1e300
+
+
 def _slipping(
     state: FloatArray, pull: FloatArray, drag: Drag
-) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Drive (pull less Coulomb friction), rate, direction of motion, and which members slip."""
-    position, velocity = state[0], state[1]
-    net = pull if drag.field is None else pull - drag.field.at(position)
-    moves = velocity != 0
-    direction = np.sign(np.where(moves, velocity, net))
-    rate, grip = drag.rate, drag.grip
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Drive (pull less Coulomb friction), rate, which way members tend, and what friction holds.
+
+    Where that is all of it a member sticks.
+    """
+    net = pull if drag.field is None else pull - drag.field.at(state[0])
+    tends = net + state[1] * _GOES_ON
+    held = np.minimum(np.maximum(tends, drag.grip_back), drag.grip)
+    rate = drag.rate
     if drag.rate_back is not drag.rate:
-        rate = np.where(direction > 0, rate, drag.rate_back)
-    if drag.grip_back is not drag.grip:
-        grip = np.where(direction > 0, grip, drag.grip_back)
-    slips = moves | (np.abs(net) > grip)
-    return pull - grip * direction, rate, direction, slips
+        rate = np.where(tends > 0, rate, drag.rate_back)
+    return pull - held, rate, tends, held
 
 
 def _runge_kutta(
@@ -240,8 +245,8 @@ def _turn(
         instant = np.clip(instant - speed / slope, 0.0, step)
     travel, _ = _runge_kutta(position, velocity, drive, rate, drag.field, instant)
     stopped = np.stack((position + travel, np.zeros_like(velocity)))
-    drive, rate, _, slips = _slipping(stopped, pull, drag)
-    rest = (step - instant) * slips
+    drive, rate, tends, held = _slipping(stopped, pull, drag)
+    rest = (step - instant) * (held != tends)
     return stopped + _runge_kutta(stopped[0], stopped[1], drive, rate, drag.field, rest)
 
 

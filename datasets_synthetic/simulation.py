@@ -246,6 +246,7 @@ def _run(
     samples, lead = len(command), timetable.lead
     commands = np.zeros((lead + samples, command.shape[1]))
     commands[lead:] = np.clip(command, -limit, limit) if law is None else command
+    least = -limit
     flat = commands.ravel()  # a view: row by row, one member after the other
     readings = np.empty_like(command)
     states = np.empty((samples, *dynamics.state().shape)) if watch else None
@@ -258,8 +259,7 @@ def _run(
             if law is not None:
                 now = commands[lead + k]
                 now += law.force(reading)
-                np.maximum(now, -limit, out=now)
-                np.minimum(now, limit, out=now)
+                np.minimum(np.maximum(now, least, out=now), limit, out=now)
             dynamics.begin(k)
             acting = flat[timetable.first(k) :]
             for part in timetable.parts(k):

@@ -184,7 +184,7 @@ def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
 
 
 def _sparse(matrix: FloatArray) -> SimpleNamespace:
-    """What the solver reads of scipy's csc_matrix, which takes as long to import as to solve all."""
+    """What the solver reads of scipy's csc_matrix, which takes longer to import than to solve."""
     columns, rows = np.nonzero(matrix.T)
     return SimpleNamespace(
         shape=matrix.shape,

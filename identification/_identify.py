@@ -388,13 +388,13 @@ def _not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Find
         travel = max(float(np.ptp(fit.trajectory.position)) for fit in fits)
         which = f"position spans {travel:.4g}, which may be m or rad"
         facts.append(f"motion: linear or motion: rotary ({which})")
-    if hardware.delay is None:
-        given = _delay_of(fits, hardware)
-        facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
     if hardware.force_limit is None:
         facts.append(f"force_limit (the log reaches {_force_limit_of(fits).peak:.4g}, in its unit)")
     if hardware.encoder_resolution is None:
         facts.append(f"encoder_resolution ({_resolution_of(fits):.4g} by the log)")
+    if facts and hardware.delay is None:  # alone it need not be stated
+        given = _delay_of(fits, hardware)
+        facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
     if not facts:
         return ()
     finding = Finding(

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from datasets_synthetic import bundled_path
-from identification import Hardware, load_document
+from identification import Hardware, load_device, load_document
 from tests.commands import FLUID, Ended, haptune
 from tune.cli.session import Session
 
@@ -87,6 +87,20 @@ def test_nothing_answered_leaves_a_fact_open(monkeypatch: pytest.MonkeyPatch) ->
     known = load_document(Hardware, Path("hardware.yaml"))
     assert known.motion == "linear"
     assert known.sample_time is None
+
+
+def test_a_column_named_by_a_number_is_meant_by_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a header 3 is the third column, also where two are left to choose from."""
+    rows = Path("log.csv").read_text(encoding="utf-8").splitlines()[1:]
+    swapped = (
+        f"{force},{time},{position}" for time, force, position in (r.split(",") for r in rows)
+    )
+    Path("log.csv").write_text("\n".join(swapped), encoding="utf-8")
+    ended = _typed(monkeypatch, ("2", "2", "1", "3", *FACTS), "identify", "log.csv")
+    assert ended.code == 0, ended.err
+    assert '--time "2" --force "1" --position "3"' in ended.err
+    assert "warning" not in ended.err  # the delay is told by the log, all else was answered
+    assert load_device("device.yaml").mass.value == pytest.approx(3.0, rel=1e-3)
 
 
 def test_a_column_in_amperes_asks_for_its_gain(monkeypatch: pytest.MonkeyPatch) -> None:

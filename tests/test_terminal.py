@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import subprocess
 import sys
@@ -123,6 +124,11 @@ def test_columns_unit_and_facts_are_asked_in_one_session_that_goes_on() -> None:
     assert terminal.end() == 0, terminal.shown
     assert "safe: proved for every device" in terminal.shown
     assert "Traceback" not in terminal.shown
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", terminal.shown).replace("\r\n", "\n")
+    lines = [line.rpartition("\r")[2] for line in plain.split("\n")]  # a spinner writes over itself
+    assert [line for line in lines if len(line) > 80] == []  # the terminal would break words
+    told = '--time "stamps [ms]" --force "motor [A]" --position "handle [mm]" --force-gain 2'
+    assert told in " ".join(plain.split())
     stated = load_document(Hardware, Path("hardware.yaml"))
     assert stated.motion == "linear"
     assert stated.sample_time is not None

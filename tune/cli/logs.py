@@ -350,30 +350,50 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
 def ask_columns(
     session: Session, columns: LogColumns, read: Callable[[LogColumns], list[Trajectory]]
 ) -> tuple[LogColumns, list[Trajectory]]:
-    """Read logs, asking for one option after the other that they leave open."""
+    """Read logs, asking for one option after the other that they leave open.
+
+    What was answered is told as options, which other commands on these logs take.
+    """
+    asked: list[str] = []
     while True:
         try:
-            return columns, read(columns)
+            found = read(columns)
         except QuestionError as error:
             if not session.asks:
                 raise
             session.tell(f"{error.subject}: {error.problem}.")
-            for place, name in enumerate(error.choices, 1):
-                session.tell(f"  {place}  {name}")
-            columns = _answered(session, columns, error)
+            for name, number in _numbered_choices(error).items():
+                session.tell(f"  {number}  {name}" if number != name else f"  {name}")
+            answer = _answer(session, error)
+            columns = replace(columns, **{error.option: answer})
+            told = f'"{answer}"' if error.choices else f"{answer:g}"
+            asked.append(f"--{error.option.replace('_', '-')} {told}")
+        else:
+            if asked:
+                session.tell(f"Other commands take this as {' '.join(asked)}")
+            return columns, found
 
 
-def _answered(session: Session, columns: LogColumns, error: QuestionError) -> LogColumns:
-    """The columns with one option as a person answers. Raises the error where nobody does."""
+def _numbered_choices(error: QuestionError) -> dict[str, str]:
+    """What to type for each choice beside itself; where names are numbers, only themselves."""
+    alone = any(name.isdigit() for name in error.choices)
+    return {name: name if alone else str(place) for place, name in enumerate(error.choices, 1)}
+
+
+def _answer(session: Session, error: QuestionError) -> Any:
+    """A name or a number as a person answers. Raises the error where nobody does."""
+    names = {number: name for name, number in _numbered_choices(error).items()}
     while True:
         said = session.ask(error.question)
         if not said:
             raise error
-        numbered = said.isdigit() and 1 <= int(said) <= len(error.choices)
-        word = error.choices[int(said) - 1] if numbered else said.replace(",", ".")
+        if said in error.choices or said in names:
+            return said if said in error.choices else names[said]
         with suppress(ValueError, InvalidInputError):
-            if word in error.choices or not error.choices:
-                return replace(columns, **{error.option: word if error.choices else float(word)})
+            if not error.choices:
+                number = float(said.replace(",", "."))
+                ident.LogColumns(**{error.option: number})  # refuses what is no gain
+                return number
         kind = "a number or name of the list" if error.choices else "a number"
         session.tell(f"Answer with {kind}.")
 
@@ -392,7 +412,9 @@ def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardw
     try:
         device.require_stated()
     except UnstatedError as error:
-        session.tell(f"{len(error.missing)} facts no log tells; a blank answer leaves one open.")
+        count = len(error.missing)
+        facts = f"{count} fact{'s' * (count > 1)} no log tells"
+        session.tell(f"{facts}; a blank answer leaves one open.")
         for fact in error.missing:
             found = _stated(session, found, fact)
     return None if found == before else found

@@ -97,19 +97,18 @@ class Session:
         """Print a text or a rich renderable for people."""
         if self.as_json or self.quiet:
             return
+        if isinstance(text, str):
+            print(wrap_text(printable(text), sys.stdout), flush=True)  # noqa: T201
+            return
         from rich.console import Console
 
         fixed = sys.stdout.isatty() or "COLUMNS" in os.environ
         width = None if fixed else _WIDE
         console = Console(highlight=False, markup=False, emoji=False, width=width)
         with console.capture() as captured:
-            shown = printable(text) if isinstance(text, str) else text
-            console.print(shown, soft_wrap=isinstance(text, str))
-        printed = captured.get()
-        if not isinstance(text, str):  # tables are padded to their width
-            printed = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
-        sys.stdout.write(printed)
-        sys.stdout.flush()
+            console.print(text)
+        lines = captured.get().splitlines()  # tables are padded to their width
+        print("\n".join(line.rstrip() for line in lines), flush=True)  # noqa: T201
 
     def say_each(self, texts: Iterable[str]) -> None:
         """Print texts for people, each on lines of its own."""

@@ -136,6 +136,7 @@ def test_messages_without_a_header_need_a_time(tmp_path: Path) -> None:
     ("asked", "said"),
     [
         ({}, "topics /arm/joints (rig_msgs/msg/ArmJoints), and nobody said which fields"),
+        ({}, '--force "/joint_states/effort[0]" --position "/joint_states/position[0]"'),
         ({"force": "/arm/joints/effort[1]"}, "which fields are the position"),
         (FIELDS | {"force": "/leg/effort"}, "no field '/leg/effort'; its topics are /arm/joints"),
         (FIELDS | {"force": "/arm/joints/torque[0]"}, "they have: header, name, position, effort"),

@@ -132,6 +132,12 @@ def test_arrays_that_are_no_columns(tmp_path: Path, write: Writer, value: Any, p
     assert part in refusal(write(tmp_path, force=value))
 
 
+def test_a_struct_of_columns_is_refused_with_what_saves_them(tmp_path: Path) -> None:
+    columns: Any = {"force": {"measured": np.ones(ROWS)}, "time": 1.0, "position": 1.0}
+    text = refusal(mat(tmp_path, **columns))
+    assert text.endswith("Save its fields: save('log.mat', '-struct', 'force', '-v7')")
+
+
 def test_a_pickle_is_never_opened(tmp_path: Path) -> None:
     """The object would write a file if it were unpickled."""
     mark = tmp_path / "opened"

@@ -77,6 +77,7 @@ READ = {
     "unknown names, units below": "Kanal 1;Kanal 2;Kanal 3\nms;N;mm\n"
     + "\n".join(_rows(";", False, MILLI)),
     "comment above": "# rig 7\n" + _table("t,F,x"),
+    "comment above units": "# rig 7\n" + _table("t (ms)\tF (N)\tx (mm)", "\t", scales=MILLI),
     "comment header": _table("# t F x", " "),
     "percent header": _table("% t, F, x"),
     "spaces": _table("t F x", " "),
@@ -125,6 +126,7 @@ REFUSED = {
     .replace("pos,1", "pos"),
     "volts": _table("t,F [V],x"),
     "amperes": _table("Zeit;Strom [A];Weg", ";"),
+    "amperes below a comment": "# rig 7\n" + _table("t,motor current [A],pos (m)"),
     "counts": _table("time,force,position [counts]"),
     "unknown unit": _table("time,force [kp],position"),
     "units alone, amperes": _table("s;A;m", ";"),

@@ -108,11 +108,14 @@ def _fields(path: Path, columns: LogColumns, topics: Mapping[str, str]) -> dict[
         some = sorted(topics.items())[:_MOST_LISTED]
         listed = ", ".join(f"{quote(name)} ({quote(kind)})" for name, kind in some)
         options = " ".join(f"--{role} TOPIC/FIELD" for role in unnamed)
+        typed = (name for name, kind in some if kind.endswith("/JointState"))
+        joints, fields = next(typed, "/joint_states"), {"force": "effort[0]"}
+        named = (f'--{role} "{joints}/{fields.get(role, "position[0]")}"' for role in unnamed)
         raise InvalidInputError(
             path,
             f"is a bag with the topics {listed or 'none'}, and nobody said which fields are the "
             + " and the ".join(unnamed),
-            f'Add {options}, such as --position "/joint_states/position[0]"',
+            f"Add {options}, such as {' '.join(named)}",
         )
     return {role: _field(path, role, name, topics) for role, name in asked.items()}
 

@@ -24,6 +24,7 @@ from identification.readers.columns import (
     refused_as,
 )
 from identification.readers.tables import (
+    FEWEST_COLUMNS,
     MOST_ABOVE,
     MOST_BETWEEN,
     MOST_COLUMNS,
@@ -109,6 +110,11 @@ def read_mat(path: Path, content: bytes, columns: LogColumns) -> Reading:
     with refused_as(path, "MATLAB file", "Save it again with save(..., '-v7')"):
         directory: list[tuple[str, tuple[int, ...], str]] = reader.whosmat(BytesIO(content))
         present = {str(name): (shape, kind) for name, shape, kind in directory}
+        structs = [quote(name) for name, (_, kind) in present.items() if kind == "struct"]
+        if structs and len(present) - len(structs) < FEWEST_COLUMNS:
+            problem = f"holds its columns in the struct '{structs[0]}', which is not read"
+            remedy = f"Save its fields: save('{path.name}', '-struct', '{structs[0]}', '-v7')"
+            raise InvalidInputError(path, problem, remedy)
         wanted = column_names(path, columns, list(present), table=False)
         # Before anything is unpacked: shapes and classes stand in the directory, ...
         for name in wanted.values():

@@ -175,12 +175,15 @@ def column_names(
         listed = ", ".join(quote(name) for name in present[:_MOST_NAMED])
         more = f" and {len(present) - _MOST_NAMED} more" if len(present) > _MOST_NAMED else ""
         left = [name for name in present if name not in wanted.values()]
+        problem = f"has no column {named}; it has: {listed or 'none'}{more}"
+        options = ", ".join(f"--{role}" for role in missing)
+        remedy = f"Name the right column with {options}{_suggested(left, tuple(missing))}"
+        if not left:
+            raise InvalidInputError(path, problem, remedy)
         raise QuestionError(
             path,
-            f"has no column {named}; it has: {listed or 'none'}{more}",
-            "Name the right column with "
-            + ", ".join(f"--{role}" for role in missing)
-            + _suggested(left, tuple(missing)),
+            problem,
+            remedy,
             question=f"Which column is the {next(iter(missing))}",
             option=next(iter(missing)),
             choices=tuple(left[:_MOST_NAMED]),

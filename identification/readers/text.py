@@ -97,10 +97,14 @@ def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     try:
         reading = _read_table(path, alone if alone and counted else content, columns)
     except InvalidInputError as error:
-        below_comment = headless and content.startswith(b"#")
-        if alone is None or not (below_comment or isinstance(error, QuestionError)):
+        asks = isinstance(error, QuestionError)
+        if alone is None or not (asks or content.startswith(b"#")):
             raise
-        reading = _read_table(path, alone, columns)
+        try:
+            reading = _read_table(path, alone, columns)
+        except InvalidInputError as below:
+            # What is wrong with the whole file says more than what is wrong below its comments.
+            raise below if asks or headless or isinstance(below, QuestionError) else error from None
     return replace(reading, notes=(*notes, *reading.notes)) if notes else reading
 
 

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import legend_above
 from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, LimitedBy
 from tune.documents.scene import UNITS, Effects, format_number
@@ -40,6 +39,8 @@ _LEAST_SCALE = 1e-9
 _PLACES = 160
 #: What is drawn of a slice goes this much beyond what is played or may be.
 _BEYOND = 1.15
+#: What is left of a picture's height or width that nobody would see.
+_HARDLY = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,35 +157,32 @@ def draw_region(
     axes.tick_params(labelsize=7)
     axes.locator_params(nbins=6)
     axes.ticklabel_format(style="plain", useOffset=False)
-    legend_above(axes)
 
 
-def draw_slice(
-    axes: Axes, boundaries: Boundaries, element: ElementProfile, units: dict[str, str]
-) -> None:
+def draw_slice(axes: Axes, boundaries: Boundaries, design: Design, name: str) -> None:
     """The plane of one element, its place, and how far from it the boundary of the margin is."""
+    element, units = design.elements[name], UNITS[design.device.motion]
     K, B, M = element.stiffness, element.damping, element.mass
     draw_region(axes, boundaries, M, (min(B, 0.0), max(B, 0.0)), K, units)
+    words: list[str] = []
+    (_, right), (_, top) = axes.get_xlim(), axes.get_ylim()
     to_stiffness = float(boundaries.with_margin(np.array(B), M))
     to_damping = boundaries.damping_with_margin(K, B, M)
-    words: list[str] = []
-    top = float(axes.get_ylim()[1])
-    if to_stiffness > K:
-        axes.plot([B, B], [K, min(to_stiffness, top)], color="k", lw=0.9, ls=":")
-        words.append(f"K up to {format_number(to_stiffness)} {units['stiffness']}")
-    if to_damping > B:
-        end = min(to_damping, float(axes.get_xlim()[1]))
-        axes.plot([B, end], [K, K], color="k", lw=0.9, ls=":", clip_on=False)
-        words.append(f"B up to {format_number(to_damping)} {units['damping']}")
+    for symbol, effect, most, seen, end in (
+        ("K", "stiffness", to_stiffness, K, ([B, B], [K, min(to_stiffness, top)])),
+        ("B", "damping", to_damping, B, ([B, min(to_damping, right)], [K, K])),
+    ):
+        if most - seen > _HARDLY * {"K": top, "B": right}[symbol]:
+            axes.plot(*end, color="k", lw=0.9, ls=":", clip_on=False)
+            words.append(f"{symbol} up to {format_number(most)} {units[effect]}")
     axes.plot([B], [K], "ko", ms=6, clip_on=False, zorder=5)
-    left = " or ".join(words) or "nothing"
-    plane = f"plane M = {M:.3g} {units['mass']}, the element alone"
-    set_small_title(axes, f"{plane}\nleft to the whole margin, dotted: {left}")
+    alone = f"alone, plane M = {M:.3g} {units['mass']}; dotted, to the whole margin:"
+    set_small_title(axes, f"{alone}\n{' or '.join(words) or 'nothing is left'}")
 
 
-def set_small_title(axes: Axes, words: str) -> None:
-    """A title in small letters above the legend."""
-    axes.set_title(words, fontsize=8, loc="left", pad=16)
+def set_small_title(axes: Axes, words: str, pad: float = 4) -> None:
+    """A title in small letters."""
+    axes.set_title(words, fontsize=8, loc="left", pad=pad)
 
 
 def _spread(least: float, most: float, count: int) -> FloatArray:
@@ -231,9 +229,9 @@ class Use:
 _Found = Iterator[tuple[str, str, float, str]]
 
 
-def uses_of(design: Design, name: str, units: dict[str, str]) -> tuple[Use, ...]:
+def uses_of(design: Design, name: str) -> tuple[Use, ...]:
     """Every limit of an element that has a number, in the order of the profile's margins."""
-    element = design.elements[name]
+    element, units = design.elements[name], UNITS[design.device.motion]
     bound: dict[str, tuple[str, ...]] = {}
     for effect, reason in element.limited_by.items():
         bound[reason] = (*bound.get(reason, ()), effect)
@@ -351,7 +349,7 @@ def effect_uses(design: Design) -> list[EffectUse]:
     units = UNITS[design.device.motion]
     found: list[EffectUse] = []
     for name, element in design.elements.items():
-        uses = uses_of(design, name, units)
+        uses = uses_of(design, name)
         for effect, reason in element.limited_by.items():
             value: float = getattr(element, effect)
             binding = [use for use in uses if effect in use.binds]
@@ -378,9 +376,9 @@ def draw_effect_uses(axes: Axes, design: Design) -> None:
     axes.set_title("limit that binds each effect (dark), or else the one most used", **_TITLE)
 
 
-def draw_limits(axes: Axes, design: Design, name: str, units: dict[str, str]) -> None:
+def draw_limits(axes: Axes, design: Design, name: str) -> None:
     """A bar a limit of one element; those that bind are dark."""
-    uses = uses_of(design, name, units)
+    uses = uses_of(design, name)
     bars = [
         (u.part, u.words + (f": limits {' and '.join(u.binds)}" if u.binds else ""), bool(u.binds))
         for u in uses
@@ -413,7 +411,7 @@ def _draw_bars(axes: Axes, labels: list[str], bars: list[tuple[float, str, bool]
     axes.set_xticks([0, 0.5, 1], ["0", "half", "used up"], fontsize=7)
 
 
-def short_name(name: str) -> str:
+def short_name(name: str, room: int = _SHORT) -> str:
     """A name as a picture has room for it, without what matplotlib would take for a formula."""
     plain = name.replace("$", r"\$")
-    return plain if len(plain) <= _SHORT else f"{plain[: _SHORT - 1]}…"
+    return plain if len(plain) <= room else f"{plain[: room - 1]}…"

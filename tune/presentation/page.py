@@ -6,7 +6,6 @@ from base64 import b64encode
 from collections.abc import Iterator, Sequence
 from datetime import date
 from importlib.metadata import version
-from importlib.resources import files
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
@@ -50,7 +49,7 @@ def report_html(
             "title": f"{safe.scene} on {safe.device.name}: haptic profile",
             "facts": list(_facts(safe, written)),
             "verdict": verdict_on(safe),
-            "used": _used(safe),
+            "used": effect_uses(safe),
             "effects": _table(elements_table(safe)),
             "notes": safe.notes,
             "limits": _limits(safe),
@@ -71,7 +70,7 @@ def report_html(
 def comparison_html(title: str, verdicts: Sequence[str], table: Table, figure: Figure) -> str:
     """The page of a comparison: its verdicts, what changed, and the devices in one picture."""
     words = "Each device with its 95 % intervals, the first at the top."
-    page = {"title": title, "table": _table(table), "picture": _picture(figure, words)}
+    page = {"title": title, "table": _table(table), "picture": _picture(words, figure)}
     return _rendered("comparison.html", page=page, verdicts=verdicts)
 
 
@@ -86,12 +85,7 @@ def _rendered(name: str, **values: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    given = {"style": _text("report.css"), "warning": NOT_A_SAFETY_FUNCTION} | values
-    return environment.get_template(name).render(given)
-
-
-def _text(name: str) -> str:
-    return (files("tune") / "templates" / name).read_text(encoding="utf-8")
+    return environment.get_template(name).render(warning=NOT_A_SAFETY_FUNCTION, **values)
 
 
 def _table(table: Table) -> dict[str, object]:
@@ -108,21 +102,6 @@ def _table(table: Table) -> dict[str, object]:
         "rows": list(zip(*columns, strict=True)),
         "lines": plain(table.caption).splitlines() if table.caption else [],
     }
-
-
-def _used(design: Design) -> list[dict[str, object]]:
-    """Every effect with a bar for the limit that binds it, or else the one it uses most."""
-    return [
-        {
-            "name": each.name,
-            "value": each.value,
-            "steps": f"{each.steps:.3g}",
-            "part": f"{100 * min(each.limit.part, 1.0) if each.limit else 0.0:.1f}",
-            "words": each.words,
-            "binds": each.binds,
-        }
-        for each in effect_uses(design)
-    ]
 
 
 def _limits(design: Design) -> list[tuple[LimitedBy, str]]:
@@ -153,7 +132,7 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     yield "delay, command to measurement", told(device.delay, "s")
     yield "encoder resolution", told(device.encoder_resolution, units["length"])
     limit, force = device.force_limit, units["force"]
-    most = "not stated" if limit is None else f"{limit.continuous:g}, {limit.peak:g} {force}"
+    most = "not stated" if limit is None else f"{limit.continuous:g} and {limit.peak:g} {force}"
     yield "force limit, continuous and peak", most
     modes = ", ".join(told(mode.frequency_hz, "Hz") for mode in device.modes)
     yield "vibration modes", modes or "none"
@@ -165,8 +144,8 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     yield "hand", grip
     yield "identified", device_line(device).partition(": ")[2]
     margin = safe.margin
-    late = f"{margin.extra_delay_samples} extra sample(s) of delay"
-    yield "margin asked for", f"{margin.name}: gain {margin.gain:g}, {late}"
+    late = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
+    yield "margin asked for", f"{margin.name}: gain {margin.gain:g}, {late} of delay"
     yield "filters", filters_in_words(loop)
     yield "ripple allowed", f"{safe.ripple_limit:g} {force} rms"
     for words, names in _motions(safe, units).items():
@@ -195,47 +174,45 @@ def _motions(safe: SafeProfile, units: dict[str, str]) -> dict[str, list[str]]:
     return found
 
 
-def _picture(figure: Figure, words: str) -> dict[str, str]:
-    """A figure as vectors inside the page; letters are shapes, so that no font is needed."""
+def _picture(words: str, *figures: Figure) -> dict[str, object]:
+    """Figures as vectors inside the page; letters are shapes, so that no font is needed."""
     import matplotlib as mpl
 
-    # matplotlib types its keyword arguments only in part
-    stream, picture, settings = BytesIO(), cast("Any", figure), cast("Any", mpl)
-    with settings.rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "path"}):
-        picture.savefig(stream, format="svg", metadata={"Date": None})
-    coded = b64encode(stream.getvalue()).decode("ascii")
-    return {"words": words, "source": f"data:image/svg+xml;base64,{coded}"}
+    sources: list[str] = []
+    settings = cast("Any", mpl)  # matplotlib types its keyword arguments only in part
+    for figure in figures:
+        stream, picture = BytesIO(), cast("Any", figure)
+        with settings.rc_context({"svg.hashsalt": "haptune", "svg.fonttype": "path"}):
+            picture.savefig(stream, format="svg", metadata={"Date": None})
+        coded = b64encode(stream.getvalue()).decode("ascii")
+        sources.append(f"data:image/svg+xml;base64,{coded}")
+    return {"words": words, "sources": sources}
 
 
-def _pictures(safe: SafeProfile) -> Iterator[dict[str, str]]:
-    from tune.presentation.pictures import (
-        element_picture,
-        region_picture,
-        shown_elements,
-        words_of_shown,
-    )
+def _pictures(safe: SafeProfile) -> Iterator[dict[str, object]]:
+    from tune.presentation import pictures
 
     boundaries = Boundaries.of(safe)
-    yield _picture(
-        region_picture(safe, boundaries=boundaries), "The region without mass with every element."
-    )
-    told = (
-        ": its region and what is left to the margin; the part of each limit that it uses; its "
-        f"answers to a step of force and to an impact. {words_of_shown(safe)}"
-    )
-    for place, name in enumerate(shown_elements(safe)):
-        figure = element_picture(safe, name, boundaries=boundaries)
-        yield _picture(figure, name + ("." if place else told))
+    region = pictures.region_picture(safe, boundaries=boundaries)
+    words = "The region without mass with every element. Below, of each element: its region and "
+    words += "what is left to the margin; the part of each limit that it uses. "
+    yield _picture(words + pictures.words_of_shown(safe), region)
+    for name in pictures.shown_elements(safe):
+        yield _picture(
+            pictures.sizes_in_words(safe, name),
+            pictures.slice_picture(safe, name, boundaries),
+            pictures.limits_picture(safe, name),
+        )
 
 
-def _fit(safe: SafeProfile, found: Identification) -> dict[str, str]:
+def _fit(safe: SafeProfile, found: Identification) -> dict[str, object]:
     from identification import identified_picture
 
     return _picture(
-        identified_picture(found.device, found.logs, before=safe.device),
         "The logs and what the device explains of them: position, force, what is left of it, with "
         "spectrum and correlation; friction over speed; what is known now and in the profile "
         '("before"), by every method that was asked.',
+        identified_picture(found.device, found.logs, before=safe.device),
     )
 
 

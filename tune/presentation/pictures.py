@@ -1,25 +1,17 @@
-"""Pictures of a profile: its elements in the stable region, what limits them, their answers."""
+"""Pictures of a profile: its elements in the stable region, and what limits them."""
 
 # matplotlib types its keyword arguments only in part.
 # pyright: reportUnknownMemberType=false
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identification import legend_above
-from tune.documents.profile import Design, ElementProfile, SafeProfile
+from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import UNITS, format_number
-from tune.loop.loop import filters_of
-from tune.loop.state_space import Corner, SampledLoop, corners_of, exponential
 from tune.presentation.limits import (
-    BLUE,
     Boundaries,
     draw_effect_uses,
     draw_limits,
@@ -33,130 +25,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 
-
-FloatArray = NDArray[np.float64]
-
-#: Samples followed, at least and at most; half periods or time constants that are looked at.
-_FEWEST, _MOST, _PERIODS = 50, 3000, 5.0
-#: Corners of the box that are followed beside the best estimate.
-_CORNERS = 8
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Response:
-    """Handle, rigid mass and force of the law inside of an element, SI, shape (devices, samples).
-
-    Time has shape (samples,). The first device is the best estimate, the others are corners of its
-    box. The sampled loop is followed with its delay and filters; the law is cut at the peak force,
-    and a one-sided element only pushes. Friction, quantisation and hands are left out.
-    """
-
-    time: FloatArray
-    position: FloatArray
-    speed: FloatArray
-    force: FloatArray
-
-
-def step_response(design: Design, element: ElementProfile, force: float) -> Response:
-    """Motion from rest under a constant force, N, where the encoder reads; the law is two-sided."""
-    return _followed(design, element, pushed=force, speed=0.0, one_sided=False)
-
-
-def impact_response(design: Design, element: ElementProfile) -> Response:
-    """Motion of a free device that enters the element at the speed of its motion."""
-    one_sided = element.one_sided and not element.fades
-    return _followed(design, element, pushed=0.0, speed=element.motion.speed, one_sided=one_sided)
-
-
-def _followed(
-    design: Design, element: ElementProfile, *, pushed: float, speed: float, one_sided: bool
-) -> Response:
-    filters, device, sample_time = filters_of(design.loop), design.device, design.loop.sample_time
-    values = (element.stiffness, element.damping, element.mass)
-    limit, count = element.force_level or math.inf, _samples(design, element)
-
-    def follow(place: Corner) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Position, speed and force of one device from sample to sample."""
-        loop = SampledLoop.of(place, filters, values)
-        plant, free, command = loop.plant, loop.free, loop.command
-        # The law enters in one place: what acts differs from what is free by column times command.
-        column = (loop.pushed - free) @ command / (command @ command)
-        outside = _outside(loop, place) * pushed
-        state = np.zeros(len(loop.read))
-        state[plant.speed] = speed
-        if speed:
-            # An element with a spring is entered where its law passes zero.
-            before = element.damping / element.stiffness if element.stiffness else 0.0
-            state[0] = -speed * before
-            step = speed * place.sample_time
-            state[loop.remembered] = loop.moving(loop.read @ state[:, None], step)[:, 0]
-        rows = np.empty((count, 3))
-        for row in range(count):
-            force = float(np.clip(command @ state, -limit, limit))
-            position = float(loop.read @ state)
-            if one_sided:
-                force = min(force, 0.0)
-            rows[row] = position, state[plant.speed], force
-            state = free @ state + column * force + outside
-        return rows[:, 0], rows[:, 1], rows[:, 2]
-
-    best = Corner(
-        mass=device.mass.value,
-        damping=device.damping.value,
-        sample_time=sample_time,
-        delay=design.loop.extra_delay_samples * sample_time,
-        position_stiffness=device.slope_at_zero,
-        current_lag=0.0 if device.current_lag is None else device.current_lag.value,
-        modes=tuple(
-            (each.frequency_hz.value, each.damping_ratio.value, each.at_encoder)
-            for each in device.modes
-        ),
-    )
-    box = corners_of(device, device.simultaneous_box())
-    places = [best, *box[:: max(1, len(box) // _CORNERS)][:_CORNERS]]
-    position, rate, force = (np.stack(each) for each in zip(*map(follow, places), strict=True))
-    time = np.arange(count, dtype=np.float64) * sample_time
-    return Response(time=time, position=position, speed=rate, force=force)
-
-
-def _samples(design: Design, element: ElementProfile) -> int:
-    """Samples in which what the element does can be seen."""
-    mass = max(design.device.mass.value + element.mass, 0.1 * design.device.mass.value)
-    loss = max(design.device.damping.value + element.damping, 1e-3 * mass)
-    span = mass / loss
-    if element.stiffness > 0:
-        span = math.pi * math.sqrt(mass / element.stiffness)
-    return int(np.clip(_PERIODS * span / design.loop.sample_time, _FEWEST, _MOST))
-
-
-def _outside(loop: SampledLoop, place: Corner) -> FloatArray:
-    """What a constant force of 1 N where the encoder reads adds to the state in a sample."""
-    plant = loop.plant
-    size = len(plant.drive)
-    drive = np.zeros(size)
-    drive[plant.speed : 2 * plant.speed] = plant.read[: plant.speed] / place.mass
-    augmented = np.zeros((size + 1, size + 1))
-    augmented[:size, :size], augmented[:size, size] = plant.motion, drive
-    added = np.zeros(len(loop.read))
-    added[:size] = exponential(augmented * place.sample_time)[:size, size]
-    return added
-
-
-#: Inches of the picture of an element.
-_WIDTH, _HEIGHT = 11.0, 6.2
-#: Where the four pictures stand on their figure, in parts of it and of a picture.
-_GRID = {"left": 0.095, "right": 0.925, "top": 0.85, "bottom": 0.085,
-         "hspace": 0.55, "wspace": 0.42}  # fmt: skip
-#: Of the continuous force, the step that is drawn; where no limit is stated, N.
-_STEP, _WITHOUT_LIMIT = 0.1, 1.0
+#: Inches of a sheet and of an element on it; of one of an element's two pictures alone.
+_WIDTH, _HEIGHT, _SMALL = 11.0, 3.2, (4.6, 2.8)
+#: Where the two pictures of an element stand on a sheet, in parts of it and of a picture.
+_GRID = {"left": 0.095, "right": 0.985, "top": 0.76, "bottom": 0.14, "wspace": 0.36}
 #: Inches: least height of the first picture, and what each effect adds once they are many.
 _FIRST, _EFFECT = 4.6, 0.36
 #: Elements that are drawn one by one, at most: a picture of more would be read by nobody.
 _MOST_ELEMENTS = 12
 #: Markers of the elements in the region, one after the other.
 _MARKERS = "os^Dv<>pPX*h"
-#: Names in one column of the legend, about.
-_COLUMN = 6
+#: Names in one column of the legend, about; letters of a title.
+_COLUMN, _TITLE = 6, 90
 
 
 def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
@@ -197,7 +77,7 @@ def region_picture(
 
 
 def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
-    """The overview, then each element with its slice of the region, limits, step and impact.
+    """The overview, then each element with its slice of the region and its limits.
 
     Of more than twelve that play something the first are drawn, and the picture says so.
 
@@ -215,7 +95,10 @@ def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
     parts: list[SubFigure] = list(grid[:, 0])
     boundaries = Boundaries.of(profile)
     for part, name in zip(parts[1:], names, strict=True):
-        _draw_element(part, profile, name, boundaries)
+        left, right = part.subplots(1, 2, gridspec_kw=_GRID)
+        draw_slice(left, boundaries, profile, name)
+        draw_limits(right, profile, name)
+        part.suptitle(short_name(sizes_in_words(profile, name), _TITLE), fontsize=11, y=0.985)
     _draw_overview(parts[0], profile, boundaries, verdict=verdict, note=words_of_shown(profile))
     return figure
 
@@ -278,7 +161,9 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
     ends = (min(0.0, *dampings), max(0.0, *dampings))
     highest = max(element.stiffness for element in elements.values())
     draw_region(axes, boundaries, 0.0, ends, highest, units)
-    set_small_title(axes, "region for M = 0; open marks lie in planes of their own mass")
+    legend_above(axes)
+    words = "region for M = 0; open marks lie in planes of their own mass"
+    set_small_title(axes, words, pad=16)  # above the legend
     told = axes.get_legend()
     points = [
         axes.scatter(
@@ -303,75 +188,31 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
         axes.add_artist(told)  # what the boundaries are stays told above
 
 
-def element_picture(design: Design, name: str, *, boundaries: Boundaries | None = None) -> Figure:
-    """Region slice at the element's own mass, what limits it, and its step and impact responses."""
+def slice_picture(design: Design, name: str, boundaries: Boundaries) -> Figure:
+    """Region slice at one element's own mass, with what is left to the margin."""
     from identification import NotebookFigure
 
-    figure = NotebookFigure(figsize=(_WIDTH, _HEIGHT))
-    _draw_element(figure, design, name, boundaries or Boundaries.of(design))
+    figure = NotebookFigure(figsize=_SMALL)
+    axes = figure.add_axes((0.17, 0.17, 0.8, 0.67))
+    draw_slice(axes, boundaries, design, name)
     return figure
 
 
-def _draw_element(
-    figure: Figure | SubFigure, design: Design, name: str, boundaries: Boundaries
-) -> None:
+def limits_picture(design: Design, name: str) -> Figure:
+    """A bar a limit of one element, the part of it that is used."""
+    from identification import NotebookFigure
+
+    figure = NotebookFigure(figsize=_SMALL)
+    draw_limits(figure.add_axes((0.27, 0.1, 0.71, 0.74)), design, name)
+    return figure
+
+
+def sizes_in_words(design: Design, name: str) -> str:
+    """An element and its effects with their units."""
     units, element = UNITS[design.device.motion], design.elements[name]
-    (region, limits), (step, impact) = figure.subplots(2, 2, gridspec_kw=_GRID)
-    draw_slice(region, boundaries, element, units)
-    draw_limits(limits, design, name, units)
-    _draw_step(step, design, element, units)
-    _draw_impact(impact, design, element, units)
     sizes = ", ".join(
         f"{symbol} = {format_number(getattr(element, effect))} {units[effect]}"
         for symbol, effect in (("K", "stiffness"), ("B", "damping"), ("M", "mass"))
         if getattr(element, effect)
     )
-    figure.suptitle(f"{short_name(name)}: {sizes or 'nothing'}", fontsize=11, y=0.99)
-
-
-def _draw_step(axes: Axes, design: Design, element: ElementProfile, units: dict[str, str]) -> None:
-    """Position under a constant force, or speed where nothing brings the handle back."""
-    limit = design.device.force_limit
-    force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
-    found = step_response(design, element, force)
-    sprung = element.stiffness > 0
-    _draw_devices(axes, found, found.position if sprung else found.speed)
-    axes.set_ylabel(f"position, {units['length']}" if sprung else f"speed, {units['speed']}")
-    set_small_title(axes, f"step: {force:.3g} {units['force']} on the handle; friction left out")
-
-
-def _draw_impact(
-    axes: Axes, design: Design, element: ElementProfile, units: dict[str, str]
-) -> None:
-    """Force of the element on a free device that enters it, and its speed."""
-    found, limit = impact_response(design, element), design.device.force_limit
-    _draw_devices(axes, found, found.force)
-    if limit is not None:
-        most = max(float(np.max(np.abs(found.force))), 1e-12)
-        for level, words, dashes in (
-            (limit.continuous, "continuous force", ":"),
-            (limit.peak, "peak force", "--"),
-        ):
-            if level < 3 * most:
-                axes.axhline(-level, color="k", lw=0.9, ls=dashes)
-                axes.axhline(level, color="k", lw=0.9, ls=dashes, label=words)
-    axes.set_ylabel(f"force, {units['force']}")
-    beside = axes.twinx()
-    beside.plot(found.time, found.speed[0], color=BLUE, lw=1)
-    beside.set_ylabel(f"speed, {units['speed']}", color=BLUE)
-    beside.tick_params(axis="y", labelcolor=BLUE, labelsize=8)
-    legend_above(axes)
-    title = f"impact at {element.motion.speed:g} {units['speed']}, no hand"
-    set_small_title(axes, title + (", pushes only" if element.one_sided else ""))
-
-
-def _draw_devices(axes: Axes, found: Response, values: np.ndarray) -> None:
-    """Corners of the box light, the best estimate dark."""
-    for row, line in enumerate(values[1:]):
-        label = None if row else "corners of the box"
-        axes.plot(found.time, line, color="#56B4E9", lw=0.7, label=label)
-    axes.plot(found.time, values[0], color="k", lw=1.3, label="best estimate")
-    axes.axhline(0, color="0.7", lw=0.5, zorder=0)
-    axes.tick_params(labelsize=8)
-    axes.set_xlabel("time, s")
-    legend_above(axes)
+    return f"{name}: {sizes or 'nothing'}"

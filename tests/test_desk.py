@@ -88,7 +88,7 @@ def test_the_first_page_tells_every_stated_fact_with_its_value() -> None:
     facts = dict(itertools.pairwise(first))
     assert facts["encoder resolution"] == "6 µm"
     assert facts["sample time"].startswith("1 ms")
-    assert facts["force limit, continuous and peak"] == "14, 28 N"
+    assert facts["force limit, continuous and peak"] == "14 and 28 N"
     assert facts["wall stiffness"] == "800 N/m"
     assert any(each.startswith("as wanted; ") for each in first)
 

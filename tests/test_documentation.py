@@ -152,7 +152,8 @@ def test_every_block_runs_as_printed() -> None:
     page = Path("report.html").read_text(encoding="utf-8")
     assert "identified again for this report" in page
     elements = load_profile("profile.yaml").elements
-    assert page.count("data:image/svg+xml") == 2 + len(elements)  # the region and the log beside
+    shown = 2 + 2 * len(elements)  # the region and the log; of each element its region and limits
+    assert page.count("data:image/svg+xml") == shown
 
 
 def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:

@@ -1,4 +1,4 @@
-"""Pictures show what is true: boundaries, responses, limits and labels, against other algebra."""
+"""Pictures show what is true: boundaries, limits and labels, against other algebra."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_no_text_of_a_profile_falls_on_another(profile: SafeProfile) -> None:
 def test_a_picture_calls_safe_only_what_is(
     profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tune.presentation.pictures._draw_element", lambda *_: None)
+    monkeypatch.setattr("tune.presentation.pictures.draw_slice", lambda *_: None)
     titles: list[str] = []
     monkeypatch.setattr(Session, "draw", lambda *given: titles.append(_title(given[2]())))
     picture = str(tmp_path / "audit.png")

@@ -391,7 +391,7 @@ def _answer(session: Session, error: QuestionError) -> Any:
             return said if said in error.choices else names[said]
         with suppress(ValueError, InvalidInputError):
             if not error.choices:
-                number = float(said.replace(",", "."))
+                number: Any = float(said.replace(",", "."))
                 ident.LogColumns(**{error.option: number})  # refuses what is no gain
                 return number
         kind = "a number or name of the list" if error.choices else "a number"

@@ -371,7 +371,7 @@ def _alternative_result(each: Alternative, now: Alternative) -> AlternativeResul
 def draw_profile(
     session: Session, picture: Path | None, profile: Design, verdict: str | None = None
 ) -> None:
-    """Draw region, limits and responses of every element, with a verdict in the title."""
+    """Draw region and limits of every element, with a verdict in the title."""
 
     def sheet() -> Figure:
         from tune.presentation.pictures import profile_sheet

@@ -108,14 +108,14 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str, str]] = {
     "words below": (
         {},
         in_lines(TEXT, lambda lines: [lines[0], "clock,motor,handle", *lines[1:]]),
-        "'clock', 'motor', 'handle' in row 2",
-        "Delete row 2",
+        "'clock' in row 2",
+        "delete rows of units",
     ),
     "a summary below comments": (
         {},
         f"# rig 7\n{TEXT}Mean,0.1,0.2\n",
-        "ends with 'Mean' in row 303",
-        "Delete row 303",
+        "'Mean' in row 303",
+        "delete rows of units",
     ),
     "a word in a row below comments": (
         {},

@@ -42,24 +42,19 @@ CASES: dict[str, tuple[str, str, bytes]] = {
         TEXT.encode("utf-16") + b"\x0a",
     ),
     "a comment above another header": (
-        "begins with a comment, '# rig 7', where the names of the columns should be",
-        "Delete the lines above the header",
+        "has no column 'time'; it has: uhr, force, position",
+        "Name the right column with --time",
         f"# rig 7\n{TEXT.replace('time', 'uhr')}".encode(),
     ),
     "names and units": (
-        "holds 'clock', 'motor', 'handle' in row 2",
-        "Delete rows 2 to 3",
+        "'clock' in row 2, which is not a number",
+        "delete rows of units, names or a summary",
         UNITS.replace("s,N,m", "clock,motor,handle\n[T],[U],[W]").encode(),
     ),
     "a mean at the end": (
-        "ends with 'Mean' in row 302, below the samples: a summary",
-        "Delete row 302",
+        "'Mean' in row 302, which is not a number",
+        "delete rows of units, names or a summary",
         f"{TEXT}Mean,0.1,0.2\n".encode(),
-    ),
-    "three rows of summary": (
-        "ends with 'Mean' in row 302",
-        "Delete rows 302 to 304",
-        f"{TEXT}Mean,0.1,0.2\nStd,0.1,0.2\nMax,1,2".encode(),
     ),
 }
 

@@ -92,7 +92,7 @@ def test_what_is_no_number_is_named_by_its_row(tmp_path: Path) -> None:
     ("rows", "said"),
     [
         ([("when", "force", "where"), *SAMPLES], "has no column 'time', 'position'; it has: when"),
-        ([HEADER, ("a", "b", "c"), *SAMPLES], "neither comments nor units"),
+        ([HEADER, ("a", "b", "c"), *SAMPLES], "holds 'a' in row 2, which is not a number"),
         ([], "no table on any sheet"),
         ([("time", "current [A]", "position"), *SAMPLES], 'perhaps --force "current [A]"'),
         ([("time", "force [x]", "position"), *SAMPLES], "Add --force-gain X"),

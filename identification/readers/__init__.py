@@ -55,7 +55,7 @@ _READERS = {
     ".mat": "binary.read_mat",
     ".npz": "binary.read_npz",
     ".xlsx": "binary.read_excel",
-    ".mcap": "bags.read_mcap",
+    ".mcap": "binary.read_mcap",
 }
 #: Those read by foreign parsers, which a damaged file may bring down.
 _ISOLATED = frozenset({".parquet", ".mat", ".xlsx", ".mcap"})

@@ -1,14 +1,18 @@
-"""Files of columns that are no text: Parquet, MATLAB up to version 7.2, NumPy archives, Excel."""
+"""Files that are no text: Parquet, MATLAB up to version 7.2, NumPy archives, Excel, bags of ROS 2.
+
+Columns of a bag (MCAP) are fields of messages, rows are messages of one stamp.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime, time, timedelta
 from io import BytesIO
-from itertools import islice
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from zipfile import ZipFile
 
 import numpy as np
@@ -23,15 +27,14 @@ from identification.readers.columns import (
     refuse_long,
     refused_as,
 )
-from identification.readers.tables import (
+from identification.readers.text import (
     FEWEST_COLUMNS,
-    MOST_ABOVE,
-    MOST_BETWEEN,
     MOST_COLUMNS,
-    Layout,
-    find_layout,
-    named_by,
-    roles_of,
+    Table,
+    beginning_of,
+    find_table,
+    read_samples,
+    table_by_numbers,
 )
 
 if TYPE_CHECKING:
@@ -218,16 +221,54 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
     reader: Any = openpyxl
     with refused_as(path, "Excel workbook", "Save it again as .xlsx, or export the sheet as CSV"):
         book = reader.load_workbook(BytesIO(content), read_only=True, data_only=True)
-        layouts = [(sheet.title, _layout(path, sheet, columns)) for sheet in book.worksheets]
-        found = [(name, layout) for name, layout in layouts if layout is not None]
-        if not found:
-            raise _no_table(path, book, columns)
-        if len(found) > 1:
-            names = ", ".join(f"'{quote(name)}'" for name, _ in found[:10])
+        named: list[tuple[str, _Sheet, Table]] = []
+        others: list[_Sheet] = []
+        for each in book.worksheets:
+            sheet = _Sheet(path, each)
+            table = find_table(path, beginning_of(sheet.text), columns)
+            if table is not None:
+                named.append((each.title, sheet, table))
+            elif sheet.text.strip():
+                others.append(sheet)
+        if len(named) > 1:
+            names = ", ".join(f"'{quote(name)}'" for name, *_ in named[:10])
             problem = f"has several sheets with the columns of a log: {names}"
             raise InvalidInputError(path, problem, "Keep one of them in the file")
-        name, layout = found[0]
-        return _reading(path, book[name], layout, alone=len(book.worksheets) == 1)
+        if not named and not others:
+            raise InvalidInputError(path, "has no table on any sheet", "Export the log again")
+        if not named:  # tells what is missing
+            table = table_by_numbers(path, beginning_of(others[0].text), columns)
+            named = [("", others[0], table)]
+        name, sheet, table = named[0]
+        reading = read_samples(path, sheet.text, table)
+        notes = () if len(book.worksheets) == 1 else (f"sheet '{quote(name)}'",)
+        moments = table.places["time"] in sheet.first
+        return replace(reading, notes=(*notes, *reading.notes), in_seconds=moments)
+
+
+class _Sheet:
+    """A sheet as lines of cells between tabs.
+
+    Attributes:
+        text: the lines, down to the last that is not empty.
+        first: the first date, time of day or duration by column; cells are seconds since.
+    """
+
+    def __init__(self, path: Path, sheet: Any) -> None:
+        """Takes a sheet of openpyxl."""
+        self.first: dict[int, timedelta] = {}
+        rows = ("\t".join(map(self._cell, range(len(row)), row)) for row in _rows(path, sheet))
+        self.text = "\n".join(rows).rstrip("\t\n").encode() + b"\n"
+
+    def _cell(self, place: int, cell: Any) -> str:
+        moment = cell
+        if isinstance(moment, time):
+            moment = datetime.combine(_START, moment)
+        if isinstance(moment, datetime):
+            moment -= _START
+        if isinstance(moment, timedelta):
+            return repr((moment - self.first.setdefault(place, moment)).total_seconds())
+        return "" if cell is None else " ".join(str(cell).replace('"', "").split())
 
 
 def _rows(path: Path, sheet: Any) -> Iterator[tuple[Any, ...]]:
@@ -250,96 +291,258 @@ def _rows(path: Path, sheet: Any) -> Iterator[tuple[Any, ...]]:
         yield row
 
 
-def _text(cell: Any) -> str:
-    """A cell as a header and units are looked for in it; moments look like numbers."""
-    if cell is None:
-        return ""
-    if isinstance(cell, (datetime, time, timedelta)):
-        return "0"
-    return repr(cell) if isinstance(cell, float) else str(cell)
+#: Bytes that one chunk may unfold to; recorders write some megabytes.
+_LARGEST_CHUNK = 500_000_000
+#: Part of the rows that has to have a partner of the same stamp in every topic.
+_FEWEST_TOGETHER = 0.5
+#: Topics and fields listed in a message at most.
+_MOST_LISTED = 10
+#: What --time is where nobody named it: the header's stamp.
+_STAMP = "time"
+#: Times of the record of a message that are no field of it.
+_RECORDED = ("log_time", "publish_time")
+_PART = re.compile(r"(?P<name>[A-Za-z]\w*)(?:\[(?P<index>\d+)\])?")
+_NANOSECONDS = 1_000_000_000
 
 
-def _layout(path: Path, sheet: Any, columns: LogColumns) -> Layout | None:
-    """Where the log stands on a sheet; None if it does not."""
-    first = islice(_rows(path, sheet), MOST_ABOVE + MOST_BETWEEN + 1)
-    rows = [tuple(map(_text, row)) for row in first]
-    for header, row in enumerate(rows[:MOST_ABOVE]):
-        if roles_of(path, row, columns) is not None:
-            below = rows[header + 1 : header + 2 + MOST_BETWEEN]
-            return find_layout(path, rows[: header + 1], below, columns)
-    return None
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Field:
+    """A field of the messages of a topic: its names from the outside in, each perhaps indexed."""
+
+    topic: str
+    parts: tuple[tuple[str, int | None], ...]
 
 
-def _no_table(path: Path, book: Any, columns: LogColumns) -> InvalidInputError:
-    """Why no sheet holds a log: what the first rows that look like headers name."""
-    for sheet in book.worksheets:
-        for row in islice(_rows(path, sheet), MOST_ABOVE):
-            names = [name for name in named_by(tuple(map(_text, row))) if name]
-            if len(names) > 1:
-                try:
-                    column_names(path, columns, names, table=True)
-                except InvalidInputError as error:
-                    return error
-                return InvalidInputError(
-                    path,
-                    f"has rows on sheet '{quote(sheet.title)}' between its header and its "
-                    "numbers, or above both, that are neither comments nor units",
-                    "Delete them",
-                )
-    return InvalidInputError(path, "has no table on any sheet", "Export the log again")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Messages:
+    """What the messages of one topic hold: when each was stamped, ns, and values by role."""
+
+    stamps: list[int]
+    values: dict[str, list[Any]]
 
 
-def _reading(path: Path, sheet: Any, layout: Layout, *, alone: bool) -> Reading:
-    """The columns of a log whose place is known."""
-    places = layout.places
-    cells: dict[str, list[Any]] = {role: [] for role in places}
-    for row in islice(_rows(path, sheet), layout.first, None):
-        for role, place in places.items():
-            cells[role].append(row[place] if place < len(row) else None)
-    while cells["time"] and all(column[-1] is None for column in cells.values()):
-        for column in cells.values():
-            column.pop()
-    moments = next((c for c in cells["time"] if c is not None), None)
-    in_seconds = isinstance(moments, (datetime, time, timedelta))
-    if in_seconds:
-        cells["time"] = _seconds(cells["time"])
-    values = {
-        role: np.array([_number(path, layout, role, k, c) for k, c in enumerate(column)])
-        for role, column in cells.items()
-    }
-    notes = layout.notes if alone else (f"sheet '{quote(sheet.title)}'", *layout.notes)
-    return Reading(values=values, names=layout.wanted, notes=notes, in_seconds=in_seconds)
+def read_mcap(path: Path, content: bytes, columns: LogColumns) -> Reading:
+    """Columns by role, named TOPIC/FIELD such as /joint_states/position[0].
 
+    Time is the stamp in the header of the messages, unless ``columns.time`` names a field,
+    log_time or publish_time. Fields of several topics are joined where their stamps are equal.
 
-def _seconds(moments: list[Any]) -> list[Any]:
-    """Seconds since the first of dates, times of day or durations; other cells stay."""
-    elapsed = [_since_start(moment) for moment in moments]
-    start = next(each for each in elapsed if isinstance(each, timedelta))
-    return [
-        (each - start).total_seconds() if isinstance(each, timedelta) else each for each in elapsed
-    ]
-
-
-def _since_start(moment: Any) -> Any:
-    if isinstance(moment, datetime):
-        return moment - _START
-    if isinstance(moment, time):
-        return datetime.combine(_START, moment) - _START
-    return moment
-
-
-def _number(path: Path, layout: Layout, role: str, row: int, cell: Any) -> float:
-    """A cell as a number, NaN if it is empty; text that is none is refused by its row."""
-    if cell is None or cell == "":
-        return float("nan")
-    if isinstance(cell, (int, float)) and not isinstance(cell, bool):
-        return float(cell)
+    Raises:
+        InvalidInputError: no such topic or field, topics that are not stamped together, a bag that
+            cannot be read.
+    """
     try:
-        return float(cell) if isinstance(cell, str) else float("x")
-    except ValueError:
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError:
         raise InvalidInputError(
             path,
-            f"column '{quote(layout.wanted[role])}' holds '{quote(str(cell))}' in row "
-            f"{layout.first + row + 1}, which is not a number",
-            "Write numbers as numbers, not as text, and leave missing cells empty",
+            "is a bag of ROS 2, and mcap and mcap-ros2-support, which read it, are not installed",
+            'Install them with python -m pip install "haptune[ros]", or export the topic as CSV',
         ) from None
+    remedy = "Recover it (mcap recover), or export the topic as CSV"
+    with refused_as(path, "bag of ROS 2", remedy):
+        reader: Any = make_reader(BytesIO(content), decoder_factories=[DecoderFactory()])
+        topics = _topics(path, reader)
+        fields = _fields(path, columns, topics)
+        if columns.time not in {_STAMP, *_RECORDED}:
+            fields["time"] = _field(path, "time", columns.time, topics)
+        return _joined(path, _read(path, reader, fields, columns.time), columns)
+
+
+def _topics(path: Path, reader: Any) -> dict[str, str]:
+    """Names of the types of messages by topic; refuses what would unfold to too much."""
+    summary = reader.get_summary()
+    if summary is None:
+        raise InvalidInputError(path, "has no summary: it was cut off", "Use mcap recover")
+    if any(chunk.uncompressed_size > _LARGEST_CHUNK for chunk in summary.chunk_indexes):
+        raise InvalidInputError(
+            path, f"claims a chunk of more than {_LARGEST_CHUNK} bytes", "Record it again"
+        )
+    if summary.statistics is not None:
+        for count in summary.statistics.channel_message_counts.values():
+            refuse_long(path, count)
+    return {
+        channel.topic: summary.schemas[channel.schema_id].name if channel.schema_id else "no type"
+        for channel in summary.channels.values()
+    }
+
+
+def _fields(path: Path, columns: LogColumns, topics: Mapping[str, str]) -> dict[str, _Field]:
+    """The fields asked for by role, time left out."""
+    asked = {"force": columns.force, "position": columns.position}
+    if columns.reference is not None:
+        asked["reference"] = columns.reference
+    unnamed = [role for role, name in asked.items() if name == role]
+    if unnamed:
+        some = sorted(topics.items())[:_MOST_LISTED]
+        listed = ", ".join(f"{quote(name)} ({quote(kind)})" for name, kind in some)
+        options = " ".join(f"--{role} TOPIC/FIELD" for role in unnamed)
+        typed = (name for name, kind in some if kind.endswith("/JointState"))
+        joints, fields = next(typed, "/joint_states"), {"force": "effort[0]"}
+        named = (f'--{role} "{joints}/{fields.get(role, "position[0]")}"' for role in unnamed)
+        raise InvalidInputError(
+            path,
+            f"is a bag with the topics {listed or 'none'}, and nobody said which fields are the "
+            + " and the ".join(unnamed),
+            f"Add {options}, such as {' '.join(named)}",
+        )
+    return {role: _field(path, role, name, topics) for role, name in asked.items()}
+
+
+def _field(path: Path, role: str, name: str, topics: Mapping[str, str]) -> _Field:
+    """The field that TOPIC/FIELD names. Raises InvalidInputError."""
+    slashed = name if name.startswith("/") else f"/{name}"
+    topic = max((each for each in topics if slashed.startswith(f"{each}/")), key=len, default="")
+    found = [_PART.fullmatch(part) for part in slashed[len(topic) + 1 :].split("/")]
+    if not topic or None in found:
+        listed = ", ".join(quote(each) for each in sorted(topics)[:_MOST_LISTED])
+        problem = f"has no field '{quote(name)}'; its topics are {listed or 'none'}"
+        remedy = f"Name topic and field, such as --{role} /joint_states/position[0]"
+        raise InvalidInputError(path, problem, remedy)
+    return _Field(
+        topic=topic,
+        parts=tuple(
+            (part["name"], None if part["index"] is None else int(part["index"]))
+            for part in found
+            if part is not None
+        ),
+    )
+
+
+def _read(path: Path, reader: Any, fields: Mapping[str, _Field], when: str) -> dict[str, _Messages]:
+    """Values of all messages by topic."""
+    names: dict[_Field, str | None] = {}
+    found: dict[str, _Messages] = {}
+    topics = sorted({field.topic for field in fields.values()})
+    if when in _RECORDED and len(topics) > 1:
+        raise InvalidInputError(
+            path,
+            f"messages of {' and '.join(quote(topic) for topic in topics)} have each their own "
+            f"{when}",
+            "Leave out --time: they are joined by the stamps in their headers",
+        )
+    for _, channel, record, message in reader.iter_decoded_messages(topics=topics):
+        topic = channel.topic
+        mine = {role: field for role, field in fields.items() if field.topic == topic}
+        kept = found.setdefault(topic, _Messages(stamps=[], values={role: [] for role in mine}))
+        if when in _RECORDED:
+            kept.stamps.append(getattr(record, when))
+        elif when == _STAMP or len(topics) > 1:
+            kept.stamps.append(_stamp(path, topic, message))
+        else:
+            kept.stamps.append(len(kept.stamps))
+        for role, field in mine.items():
+            kept.values[role].append(_value(path, field, message))
+            joint = _joint(field, message)
+            if names.setdefault(field, joint) != joint:
+                raise InvalidInputError(
+                    path,
+                    f"the order of the joints in {quote(topic)} changes: {quote(str(joint))} "
+                    f"stands where {quote(str(names[field]))} stood",
+                    "Record a topic in which it does not",
+                )
+        refuse_long(path, len(kept.stamps))
+    missing = [topic for topic in topics if topic not in found]
+    if missing:
+        problem = f"has no messages of {quote(missing[0])}"
+        raise InvalidInputError(path, problem, "Record them, or name another topic")
+    return found
+
+
+def _stamp(path: Path, topic: str, message: Any) -> int:
+    """The stamp in the header of a message, ns."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is None:
+        raise InvalidInputError(
+            path,
+            f"messages of {quote(topic)} have no header with a stamp",
+            "Add --time TOPIC/FIELD, or --time publish_time (when they were sent) or --time "
+            "log_time (when they were recorded) if these are even enough",
+        )
+    return _nanoseconds(stamp)
+
+
+def _nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
+
+
+def _value(path: Path, field: _Field, message: Any) -> Any:
+    """A field as a number or a stamp. Raises InvalidInputError for anything else."""
+    found: Any = message
+    for name, index in field.parts:
+        present: Sequence[str] = getattr(found, "__slots__", ())
+        if name not in present:
+            listed = ", ".join(map(quote, present[:_MOST_LISTED])) or "none"
+            raise InvalidInputError(
+                path,
+                f"messages of {quote(field.topic)} have no field '{quote(name)}' there; they "
+                f"have: {listed}",
+                "Name one of these",
+            )
+        found = getattr(found, name)
+        if index is not None:
+            items = _items(found)
+            if index >= len(items):
+                return float("nan")
+            found = items[index]
+    if hasattr(found, "nanosec"):
+        return found
+    if isinstance(found, bool) or not isinstance(found, (int, float)):
+        what = f"{len(_items(found))} values" if _items(found) else "no number"
+        problem = f"field '{quote(field.parts[-1][0])}' of {quote(field.topic)} holds {what}"
+        remedy = "Name a field of one number, with its index in brackets where there are several"
+        raise InvalidInputError(path, problem, remedy)
+    return found
+
+
+def _joined(path: Path, found: Mapping[str, _Messages], columns: LogColumns) -> Reading:
+    """Columns of the messages that have a partner of the same stamp in every topic."""
+    together = set[int].intersection(*(set(each.stamps) for each in found.values()))
+    most = max(len(each.stamps) for each in found.values())
+    if len(together) < _FEWEST_TOGETHER * most:
+        raise InvalidInputError(
+            path,
+            f"has {len(together)} stamps that all of {', '.join(map(quote, found))} share, of "
+            f"{most}: they are not stamped together, and when a force acted is not known",
+            "Log force and position in one message, or with one stamp",
+        )
+    values: dict[str, FloatArray] = {}
+    names = {"time": columns.time, "force": columns.force, "position": columns.position}
+    in_seconds = True
+    for each in found.values():
+        rows = [k for k, stamp in enumerate(each.stamps) if stamp in together]
+        for role, column in each.values.items():
+            numbers = [column[k] for k in rows]
+            if role == "time":
+                # Since the first, as clocks count from 1970; stamps become seconds.
+                in_seconds = hasattr(numbers[0], "nanosec")
+                counted = [_nanoseconds(stamp) for stamp in numbers] if in_seconds else numbers
+                size = _NANOSECONDS if in_seconds else 1
+                numbers = [(moment - counted[0]) / size for moment in counted]
+            values[role] = np.array(numbers, dtype=np.float64)
+    if "time" not in values:
+        topic, first = next(iter(found.items()))
+        stamps = [stamp for stamp in first.stamps if stamp in together]
+        values["time"] = np.array([stamp - stamps[0] for stamp in stamps]) / _NANOSECONDS
+        if columns.time == _STAMP:
+            names["time"] = f"header stamp of {topic}"
+    if columns.reference is not None:
+        names["reference"] = columns.reference
+    lost = most - len(together)
+    notes = (f"{lost} of {most} messages without a partner left out",) if lost else ()
+    return Reading(values=values, names=names, notes=notes, in_seconds=in_seconds)
+
+
+def _joint(field: _Field, message: Any) -> str | None:
+    """Name of the joint that an indexed field belongs to, where the message names its joints."""
+    joints = _items(getattr(message, "name", None))
+    index = field.parts[-1][1]
+    return None if index is None or index >= len(joints) else str(joints[index])
+
+
+def _items(found: Any) -> Sequence[Any]:
+    """Elements of an array in a message; none of anything else."""
+    if isinstance(found, (list, tuple)):
+        return cast("Sequence[Any]", found)
+    return ()

@@ -1,62 +1,82 @@
-"""Text files: plain CSV at once, any other way to write a table once it is recognised.
+"""Text files: how a table is written, and its numbers.
 
+A table is found by a line that names the columns of the log, else by the first line of numbers.
 Numbers alone are read without the table library, which takes longer to load.
 """
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from identification.errors import InvalidInputError, QuestionError
+from identification.errors import InvalidInputError
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
     Reading,
     column_names,
+    gain_given,
+    gain_option,
     quote,
     refuse_long,
-)
-from identification.readers.tables import (
-    CLOCK,
-    COMMENT,
-    FEWEST_COLUMNS,
-    MOST_ABOVE,
-    Decimal,
-    Dialect,
-    is_number,
-    recognise,
-    refuse_open_quote,
-    refuse_wide,
-    split_line,
+    split_name,
+    unit_named,
 )
 
 if TYPE_CHECKING:
     import polars
 
-#: Bytes of the first lines that are looked at before a file is read as plain, and among which a
-#: header is looked for.
-_BEGINNING = 100_000
-#: Separators of plain files; the one most frequent in the header wins, the first of equals.
-_SEPARATORS = ",;\t"
+#: Bytes of the header line and columns of a table: memory is spent on each name.
+_LONGEST_HEADER = 5_000_000
+MOST_COLUMNS = 10_000
+#: Columns of the shortest header: time, force, position.
+FEWEST_COLUMNS = 3
+#: Rows above the header that are looked at; rows of units or comments between it and the samples;
+#: lines below the header that are looked at, and bytes of all.
+_MOST_ABOVE = 200
+_MOST_BETWEEN = 10
+_MOST_BELOW = 5000
+_BEGINNING = 200_000
+#: What marks a line as a comment.
+_COMMENT = ("#", "%", "//")
+#: Characters around a name that do not belong to it.
+_AROUND = " \t\"'#%/\ufeff"
+#: A number, with a decimal point or comma; digits may be grouped.
+_NUMBER = re.compile(
+    r"[+-]?(?:\d[\d.,]*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf|infinity)", re.IGNORECASE
+)
+#: Hours, minutes and seconds at the end of a cell, with a day before them or none.
+_CLOCK = re.compile(
+    r"(?:^|[ T])(?:(\d{1,2}):)?(\d{1,2}):(\d{2}(?:[.,:]\d+)?) ?(?:([AaPp])[Mm])?"
+    r"(?:Z|[+-]\d\d:?\d\d)?$"
+)
+#: Separators in the order tried; spaces last, as names and other tables may hold them.
+_SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+#: A name with its unit, or any word, in a line separated by spaces.
+_SPACED = re.compile(r"\"[^\"]*\"|[^\s\[(]+(?:\s?(?:\[[^\]]*\]|\([^)]*\)))?|\S+")
+#: Digits after a comma that no thousands separator leaves: none leads with 0, each groups by three.
+_DECIMAL_COMMA = re.compile(r"[+-]?(?:\d*,(?!\d{3}$)\d*|,\d+|\d{4,},\d*|0\d*,\d+)(?:[eE][+-]?\d+)?")
+#: Groups of thousands and nothing else.
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3}){2,}(?:\.\d*)?|[+-]?\d{1,3},\d{3}\.\d*")
+
+Row = Sequence[str]
+Decimal = Literal["comma", "point"]
+
 #: Bytes. Beyond it the time to load the table library is earned back.
 _LARGEST_PLAIN = 8_000_000
 #: Anything but numbers, separators and line ends.
 _OTHER = re.compile(rb"[^0-9.eE+\-,;\t\n]")
 #: What lines separated by single spaces do not hold.
 _RUNS = (b"  ", b"\t", b"\n ", b" \n", b" \r")
-#: Rows that units may take below the header, and a summary at the end.
-_MOST_UNITS = 3
-_MOST_SUMMARY = 10
-#: What the table library adds to the name of another column of one name.
-_SECOND = re.compile(r"_duplicated_\d+$")
 #: How packed streams begin; a reader of text would unpack some of them by itself.
 _PACKED = {
     b"\x1f\x8b": "gzip",
@@ -84,66 +104,47 @@ _WIDE_SAMPLE = 1000
 _HEADER_BYTES = 10_000
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Where a table stands in lines of text, and how it is written.
+
+    Attributes:
+        separator: of the samples; a space stands for spaces and tabs of any number.
+        decimal: what stands before decimals.
+        header: line of the names of the columns, 0 the first; -1 where their places name them.
+        first: line of the first sample.
+        names: of all columns; units from a line of their own stand behind them in brackets.
+        wanted: names of the columns of the log by role, from ``names``.
+        notes: what was left out or taken from another line, in words.
+    """
+
+    separator: str
+    decimal: Decimal = "point"
+    header: int
+    first: int
+    names: tuple[str, ...]
+    wanted: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def places(self) -> dict[str, int]:
+        """By role, which column it is."""
+        return {role: self.names.index(name) for role, name in self.wanted.items()}
+
+
 def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
     # Before letters of another encoding are made of the bytes that tell a packed file.
     _refuse_packed(path, content)
     content, notes = _as_utf8(path, content)
     _refuse_zeros(path, content)
-    alone = _table_alone(content)
-    asked = {columns.time, columns.force, columns.position}
-    headless = alone is not None and alone[:5] in (b"1,2,3", b"1;2;3", b"1\t2\t3")
-    counted = headless and any(map(str.isdecimal, asked))
-    try:
-        reading = _read_table(path, alone if alone and counted else content, columns)
-    except InvalidInputError as error:
-        asks = isinstance(error, QuestionError)
-        if alone is None or not (asks or content.startswith(b"#")):
-            raise
-        try:
-            reading = _read_table(path, alone, columns)
-        except InvalidInputError as below:
-            # What is wrong with the whole file says more than what is wrong below its comments.
-            raise below if asks or headless or isinstance(below, QuestionError) else error from None
-    return replace(reading, notes=(*notes, *reading.notes)) if notes else reading
-
-
-def _read_table(path: Path, content: bytes, columns: LogColumns) -> Reading:
-    """Columns by role of text in UTF-8 with line feeds."""
-    if columns.decimal != "comma" and _is_plain(path, content, columns):
-        try:
-            return read_csv(path, content, columns)
-        except InvalidInputError:
-            other = _read_recognised(path, content, columns)
-            if other is None:
-                raise
-            return other
-    return _read_recognised(path, content, columns) or read_csv(path, content, columns)
-
-
-def _table_alone(content: bytes) -> bytes | None:
-    """A table from the line that seems to name its columns on; None where that is the first.
-
-    Above one that begins with samples is put a line that counts its columns.
-    """
-    start, above = 0, list[tuple[int, str]]()
-    for line in BytesIO(content[:_BEGINNING]):
-        text = line.decode("utf-8-sig", "replace").strip("\r\n")
-        for separator in "\t;, ":
-            cells = split_line(text, separator)
-            if sum(map(is_number, cells)) < max(FEWEST_COLUMNS, len(cells) - 1):
-                continue
-            begins = [at for at, each in above if len(split_line(each, separator)) >= len(cells)]
-            if not begins and all(each.startswith(COMMENT) for _, each in above):
-                names = ("\t" if separator == " " else separator).join(
-                    str(place) for place in range(1, len(cells) + 1)
-                )
-                return f"{names}\n".encode() + content[start:].removeprefix(_MARK)
-            return content[begins[-1] :] if begins and begins[-1] else None
-        if text.strip():
-            above.append((start, text))
-        start += len(line)
-    return None
+    table = _table_of(path, content, columns)
+    reading = read_samples(path, content, table)
+    if table.notes or table.header or table.separator == " " or table.decimal == "comma":
+        if table.separator != "," and table.header >= 0:
+            notes = (*notes, f"{_SEPARATORS[table.separator]} between columns")
+        notes = (*notes, *(["decimal commas"] if table.decimal == "comma" else []))
+    return replace(reading, notes=(*notes, *reading.notes))
 
 
 def _refuse_packed(path: Path, content: bytes) -> None:
@@ -215,195 +216,410 @@ def _refuse_zeros(path: Path, content: bytes) -> None:
     )
 
 
-def _is_plain(path: Path, content: bytes, columns: LogColumns) -> bool:
-    """Whether the first line names the columns and the next holds numbers with decimal points."""
-    lines = [line for line in BytesIO(content[:_BEGINNING]).readlines() if line.strip()][:2]
-    try:
-        header, *others = (line.decode("utf-8-sig").strip("\r\n") for line in lines)
-        separator = max(_SEPARATORS, key=header.count)
-        names = [name.strip(' \t"#%') for name in header.split(separator)]
-        wanted = column_names(path, columns, names, table=True)
-        places = [names.index(name) for name in wanted.values()]
-        for line in others:
-            cells = line.split(separator)
-            if len(cells) > len(names):
-                return False
-            for cell in (cells[place].strip(' \t"') for place in places if place < len(cells)):
-                float(cell or 0)
-    except (ValueError, InvalidInputError):
-        return False
-    return True
+def _table_of(path: Path, content: bytes, columns: LogColumns) -> Table:
+    """Where the log stands in a file of UTF-8 text.
 
-
-def read_csv(path: Path, content: bytes, columns: LogColumns) -> Reading:
-    """Columns by role of plain CSV; empty cells are NaN. Raises InvalidInputError."""
-    _refuse_packed(path, content)
-    refuse_long(path, content.count(b"\n") - 1)
-    # The first line with a name: with more than its end, and the mark of a file in UTF-8.
-    header = next((line for line in BytesIO(content) if line.strip(_MARK + b"\r\n")), b"")
-    refuse_open_quote(path, header)
-    separator = max(_SEPARATORS, key=lambda mark: header.count(mark.encode()))
-    refuse_wide(path, header, header.count(separator.encode()) + 1)
-    reading = read_plain_numbers(path, content, separator, columns)
-    return reading or _read_cells(path, content, header, separator, columns)
-
-
-def read_plain_numbers(
-    path: Path, content: bytes, separator: str, columns: LogColumns
-) -> Reading | None:
-    """Columns by role of a table whose every cell is a number with a decimal point.
-
-    None for a table that is larger or not as plain: quotes, repeated or missing names, rows of
-    other lengths, empty cells or cells that are no number.
+    Raises InvalidInputError for what is not certain, with the option that makes it so.
     """
-    if len(content) > _LARGEST_PLAIN:
-        return None
-    header, _, body = content.removeprefix(_MARK).partition(b"\n")
-    body = body.replace(b"\r\n", b"\n").removesuffix(b"\n")
-    if not body or b'"' in header or _OTHER.search(body):
+    lines = beginning_of(content)
+    samples = _first_samples(lines)
+    counted = any(map(str.isdecimal, (columns.time, columns.force, columns.position)))
+    if not (counted and samples and samples[0] < 0):
+        found = find_table(path, lines, columns)
+        if found is not None:
+            return found
+    return table_by_numbers(path, lines, columns)
+
+
+def find_table(path: Path, lines: Sequence[str], columns: LogColumns) -> Table | None:
+    """The table below the line that names the columns of the log; None where no line does.
+
+    Raises InvalidInputError for a line that no table of a log has down to it, for a row of units of
+    which one is not known, and for lines above it where those below are no samples.
+    """
+    named: Table | None = None
+    for header, line in enumerate(lines[:_MOST_ABOVE]):
+        written = line.encode()
+        if not any(lines[:header]) and not line.startswith(_COMMENT) and written.count(b'"') % 2:
+            problem = "has a quote in its header line that is not closed"
+            raise InvalidInputError(path, problem, "Leave out the quote")
+        # Runs of spaces stand between two columns, not around columns of their own.
+        _refuse_wide(path, written, max(len(line.split()), *(line.count(c) + 1 for c in ",;\t")))
+        for separator in _SEPARATORS:
+            wanted = _roles_of(path, _split_line(line, separator), columns)
+            if wanted is None:
+                continue
+            found = _below(path, lines, header, separator, columns)
+            if found is not None:
+                return found
+            named = named or Table(
+                separator=separator,
+                header=header,
+                first=header + 1,
+                names=_named_by(_split_line(line, separator)),
+                wanted=wanted,
+            )
+    if named is not None and named.header:
+        raise InvalidInputError(
+            path,
+            f"has {named.header} line{'' if named.header == 1 else 's'} above its header, which "
+            f"stands in line {named.header + 1}; the first is '{quote(lines[0])}'",
+            "Delete the lines above the header",
+        )
+    return named
+
+
+def table_by_numbers(path: Path, lines: Sequence[str], columns: LogColumns) -> Table:
+    """The table of the first line of numbers, its header the last line above of as many cells.
+
+    Without one the columns have their places for names. Raises InvalidInputError where these are
+    not the columns asked for.
+    """
+    top, line = next(((row, line) for row, line in enumerate(lines) if line.strip()), (0, ""))
+    usual = max(",;\t", key=line.count)
+    header, first, separator = _first_samples(lines) or (top, top + 1, usual)
+    names = _named_by(_split_line(lines[max(header, 0)], separator))
+    if header < 0:
+        count = len(_split_line(lines[first], separator))
+        names = tuple(str(place) for place in range(1, count + 1))
+    wanted = column_names(path, columns, names, table=True)
+    for name in wanted.values():
+        if names.count(name) > 1:
+            problem = f"has two columns named '{quote(name)}'"
+            raise InvalidInputError(path, problem, "Rename one of them")
+    table = Table(separator=separator, header=header, first=first, names=names, wanted=wanted)
+    return replace(table, decimal=_decimal_of(path, table, lines[first:], columns))
+
+
+def _first_samples(lines: Sequence[str]) -> tuple[int, int, str] | None:
+    """(line that seems to name the columns, first line of numbers, their separator).
+
+    The first is -1 where nothing but comments stands above; None where lines above have less cells.
+    """
+    above: list[int] = []
+    for row, line in enumerate(lines):
+        for separator in "\t;, ":
+            cells = _split_line(line, separator)
+            if sum(map(_is_number, cells)) < max(FEWEST_COLUMNS, len(cells) - 1):
+                continue
+            headers = [at for at in above if len(_split_line(lines[at], separator)) >= len(cells)]
+            if headers:
+                return headers[-1], headers[-1] + 1, separator
+            bare = all(lines[at].startswith(_COMMENT) for at in above)
+            return (-1, row, separator) if bare else None
+        if line.strip():
+            above.append(row)
+    return None
+
+
+def _refuse_wide(path: Path, header: bytes, columns: int) -> None:
+    """Raises InvalidInputError for a header line that no table of a log has."""
+    if len(header) > _LONGEST_HEADER:
+        problem = f"has a header line of {len(header)} bytes, more than {_LONGEST_HEADER}"
+    elif columns > MOST_COLUMNS:
+        problem = f"has {columns} columns, more than {MOST_COLUMNS}"
+    else:
+        return
+    raise InvalidInputError(path, problem, "Export the columns of the log alone, a row a line")
+
+
+def _named_by(row: Row) -> tuple[str, ...]:
+    """Names that a row of cells gives its columns."""
+    return tuple(cell.strip(_AROUND) for cell in row)
+
+
+def _roles_of(path: Path, row: Row, columns: LogColumns) -> dict[str, str] | None:
+    """Columns of the log by role if a row of cells names all of them, else None."""
+    names = _named_by(row)
+    if len(names) < FEWEST_COLUMNS:
         return None
     try:
-        names = [name.strip("#% ") for name in header.decode().strip("\r").split(separator)]
         wanted = column_names(path, columns, names, table=True)
-        cells = {line.count(separator.encode()) + 1 for line in body.split(b"\n")}
-        if len(set(names)) < len(names) or cells != {len(names)}:
+    except InvalidInputError:
+        return None
+    return wanted if all(names.count(name) == 1 for name in wanted.values()) else None
+
+
+def _laid_out(
+    path: Path, above: Sequence[Row], below: Sequence[Row], separator: str, columns: LogColumns
+) -> Table | None:
+    """The table of a header, the last row of those above, and the first rows below it.
+
+    None where rows around the header are neither comments nor units. Raises InvalidInputError for a
+    row of units of which one is not known, or contradicts the header.
+    """
+    header = len(above) - 1
+    wanted = _roles_of(path, above[header], columns)
+    if wanted is None:
+        return None
+    names = list(_named_by(above[header]))
+    places = {role: names.index(name) for role, name in wanted.items()}
+    if any(_is_sample(row, range(len(row))) for row in above[:header]):
+        return None  # samples above a header are of another log
+    first = next(
+        (k for k, row in enumerate(below[: _MOST_BETWEEN + 1]) if _is_sample(row, places.values())),
+        None,
+    )
+    if first is None:
+        return None
+    units: dict[str, str] = {}
+    for row in (*below[:first], *above[max(0, header - 1) : header]):
+        found = _units_in(path, row, places, columns)
+        if found is None and row in below[:first] and not _is_comment(row):
             return None
-        places = [names.index(name) for name in wanted.values()]
-        table = np.loadtxt(BytesIO(body), delimiter=separator, usecols=places, ndmin=2)
-    except (InvalidInputError, ValueError):
+        units = units or found or {}
+    for role, text in units.items():
+        place = places[role]
+        names[place] = _with_unit(path, role, names[place], text)
+    notes: list[str] = []
+    if header:
+        notes.append(f"{header} line{'' if header == 1 else 's'} above the header left out")
+    if units:
+        notes.append("a row of units")
+    if first - (1 if units else 0) > 0 and any(_is_comment(row) for row in below[:first]):
+        notes.append("comments below the header left out")
+    return Table(
+        separator=separator,
+        header=header,
+        first=header + 1 + first,
+        names=tuple(names),
+        wanted={role: names[place] for role, place in places.items()},
+        notes=tuple(notes),
+    )
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number, or a time of day that time is told by."""
+    return (_NUMBER.fullmatch(cell.strip()) or _CLOCK.search(cell)) is not None
+
+
+def _is_sample(row: Row, places: Iterable[int]) -> bool:
+    """Whether the cells at these places are numbers, none but one missing."""
+    cells = [row[place].strip() for place in places if place < len(row)]
+    return (
+        len(cells) >= FEWEST_COLUMNS
+        and cells.count("") <= 1
+        and all(_is_number(cell) for cell in cells if cell)
+    )
+
+
+def _is_comment(row: Row) -> bool:
+    text = "".join(row).strip()
+    return not text or text.startswith(_COMMENT)
+
+
+def _units_in(
+    path: Path, row: Row, places: dict[str, int], columns: LogColumns
+) -> dict[str, str] | None:
+    """Units by role that a row states; None for a row of something else.
+
+    Raises InvalidInputError if one is not known, and no gain makes it known.
+    """
+    cells = _named_by(row)
+    texts = {role: cells[place] for role, place in places.items() if place < len(cells)}
+    texts = {role: text.strip("[]()") for role, text in texts.items() if text.strip("[]()-")}
+    known = {role for role, text in texts.items() if unit_named(role, text) is not None}
+    if not known or any(_is_number(text) for text in texts.values()):
         return None
-    values = {role: column.copy() for role, column in zip(wanted, table.T, strict=True)}
-    return Reading(values=values, names=wanted)
+    for role, text in texts.items():
+        if role not in known and gain_given(role, columns) is None:
+            problem = f"has a row of units, and '{quote(text)}' is no unit of {role} that is known"
+            remedy = f"Add {gain_option(role)} X, what one of it is in SI units"
+            raise InvalidInputError(path, problem, remedy)
+    return texts
 
 
-def _read_cells(
-    path: Path, content: bytes, header: bytes, separator: str, columns: LogColumns
-) -> Reading:
-    """Columns by role of plain CSV whose cells may be quoted, empty or no numbers."""
-    stored = _text_table(path, header, separator, n_rows=0).columns
-    # A header line that begins with # comes from loggers that mark it as a comment.
-    # The second is the reader's own name for another column of one name.
-    own = b"_duplicated_" in header
-    shown = [(name if own else _SECOND.sub("", name)).strip("#% ") for name in stored]
-    if not {columns.time, columns.force, columns.position} <= set(shown):
-        _refuse_preamble(path, content, separator, columns)
-    wanted = column_names(path, columns, shown, table=True)
-    for name in wanted.values():
-        if shown.count(name) > 1:
+def _with_unit(path: Path, role: str, name: str, text: str) -> str:
+    """The name of a column with the unit of the row below. Raises InvalidInputError."""
+    stem, own = split_name(role, name)
+    if own is None:
+        return f"{stem} [{text}]"
+    mine, other = unit_named(role, own), unit_named(role, text)
+    if mine != other and (mine is None or other is None or mine.size != other.size):
+        problem = f"column '{quote(name)}' has '{quote(text)}' in the row of units"
+        raise InvalidInputError(path, problem, "Delete the one that is wrong")
+    return name
+
+
+def beginning_of(content: bytes) -> list[str]:
+    """First lines as text, without their ends; a last one that was cut is left out."""
+    start = content[:_BEGINNING]
+    if len(start) < len(content):
+        whole = start[: start.rfind(b"\n") + 1]
+        start = whole if whole.strip(_MARK + b" \t\r\n") else content[: 2 * _LONGEST_HEADER]
+    found: list[str] = []
+    for line in islice(BytesIO(start), _MOST_ABOVE + _MOST_BELOW):
+        try:
+            text = line.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = line.decode("cp1252", "replace")
+        found.append(text.rstrip("\r\n").replace("\0", ""))
+    return found
+
+
+def _split_line(line: str, separator: str) -> list[str]:
+    """Cells of one line; quotes around them are taken off."""
+    if separator == " ":
+        cells = [cell.strip('"') for cell in _SPACED.findall(line)]
+        # The mark of a comment is no cell of its own.
+        return ["".join(cells[:2]), *cells[2:]] if cells[:1] and cells[0] in _COMMENT else cells
+    rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    try:
+        return list(next(rows, ()))
+    except csv.Error:  # a carriage return inside, or a cell without end
+        return []
+
+
+def _below(
+    path: Path, lines: Sequence[str], header: int, separator: str, columns: LogColumns
+) -> Table | None:
+    """The table of the samples below a header, whose separator may be another."""
+    above = [_split_line(line, separator) for line in lines[: header + 1]]
+    for each in (separator, *(other for other in _SEPARATORS if other != separator)):
+        below = [_split_line(line, each) for line in lines[header + 1 : header + 2 + _MOST_BETWEEN]]
+        found = _laid_out(path, above, below, each, columns)
+        if found is None:
+            continue
+        rows = lines[found.first :]
+        cells = len(_split_line(rows[0], each))
+        if cells <= len(above[header]):
+            return replace(found, decimal=_decimal_of(path, found, rows, columns))
+        if each == "," and cells >= 2 * len(found.names) - 1:
             raise InvalidInputError(
-                path, f"has two columns named '{quote(name)}'", "Rename one of them"
+                path,
+                f"is not a table of equally long rows: line {found.first + 1}, '{quote(rows[0])}',"
+                f" has {cells} cells below {len(found.names)} names, as if commas stood between "
+                "columns and before decimals",
+                "Export it with semicolons or tabs between columns, or with decimal points",
             )
-    stored_as = dict(zip(shown, stored, strict=True))
-    names = list(dict.fromkeys(stored_as[name] for name in wanted.values()))
-    values, clock = _numbers(path, content, separator, wanted, stored_as, columns=names)
-    return Reading(values=values, names=wanted, in_seconds=clock)
+    return None
 
 
-def _read_recognised(path: Path, content: bytes, columns: LogColumns) -> Reading | None:
-    """The file in the dialect it is seen to be in; None where that is plain or not seen."""
-    dialect = recognise(path, content, columns)
-    plain = dialect is None or (dialect.decimal == "point" and not dialect.layout.notes)
-    if dialect is None or (plain and dialect.separator != " " and dialect.layout.header == 0):
-        return None
-    return _read_delimited(path, content, dialect)
+def _decimal_of(path: Path, table: Table, rows: Sequence[str], columns: LogColumns) -> Decimal:
+    """What stands before decimals in the columns of the log. Raises InvalidInputError."""
+    if columns.decimal is not None:
+        return columns.decimal
+    places = sorted(table.places.values())
+    doubtful = comma = point = ""
+    for number, line in enumerate(rows, table.first + 1):
+        row = _split_line(line, table.separator)
+        for place in (place for place in places if place < len(row)):
+            cell = row[place].strip()
+            if _CLOCK.search(cell):
+                continue
+            name = quote(table.names[place])
+            seen = f"column '{name}' holds '{quote(cell)}' in row {number}"
+            if _GROUPED.fullmatch(cell):
+                problem = f"{seen}, with separators of thousands"
+                raise InvalidInputError(path, problem, "Export it without them")
+            if "." in cell:
+                point = point or seen
+            elif "," in cell and _DECIMAL_COMMA.fullmatch(cell):
+                comma = comma or seen
+            elif "," in cell:
+                doubtful = doubtful or seen
+    if comma and point:
+        problem = f"{comma} and {point}: commas and points before decimals"
+        raise InvalidInputError(path, problem, "Export it with decimal points alone")
+    if doubtful and not comma:
+        raise InvalidInputError(
+            path,
+            f"{doubtful}, which may have a decimal comma or a separator of thousands, and no "
+            "cell tells which",
+            "Add --decimal comma if it is before decimals; else export it without separators of "
+            "thousands",
+        )
+    return "comma" if comma else "point"
 
 
-def _read_delimited(path: Path, content: bytes, dialect: Dialect) -> Reading:
-    """Columns by role of a table in another dialect than plain CSV."""
-    layout, separator = dialect.layout, dialect.separator
-    start = 0
-    for _ in range(layout.first):
-        start = content.index(b"\n", start) + 1
-    body = content[start:]
+def read_samples(path: Path, content: bytes, table: Table) -> Reading:
+    """Columns by role of the samples of a table. Raises InvalidInputError."""
+    start, separator = 0, table.separator
+    for _ in range(table.first):
+        start = content.find(b"\n", start) + 1 or len(content)
+    refuse_long(path, content.count(b"\n", start))
     # Lines above a packed stream do not keep the reader of text from unpacking it.
-    _refuse_packed(path, body)
-    refuse_long(path, body.count(b"\n"))
+    _refuse_packed(path, content[start : start + 10])
+    plain = _plain_numbers(content[start:], table) if len(content) <= _LARGEST_PLAIN else None
+    if plain is not None:
+        return Reading(values=plain, names=table.wanted, notes=table.notes)
+    places = sorted(set(table.places.values()))
+    if (
+        table.first == 1 and separator != " "
+    ):  # so that nobody holds the lines of a plain file twice
+        body, names = content, _parsed(content[:start], separator).columns
+        stored = {place: names[place] for place in places}
+        options: dict[str, Any] = {"columns": list(stored.values())}
+    else:
+        body, stored = content[start:], {place: str(place) for place in places}
+        options = {"has_header": False, "columns": places, "new_columns": list(stored.values())}
     if separator == " " and (body.startswith((b" ", b"\t")) or any(run in body for run in _RUNS)):
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", body)
         body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
-    places = sorted(set(layout.places.values()))
-    names = [layout.names[place] for place in places]
-    values, clock = _numbers(
-        path,
-        body,
-        separator,
-        layout.wanted,
-        dict(zip(names, names, strict=True)),
-        first=layout.first + 1,
-        decimal=dialect.decimal,
-        where=f" below line {layout.header + 1}",
-        has_header=False,
-        columns=places,
-        new_columns=names,
-    )
-    return Reading(values=values, names=layout.wanted, notes=dialect.notes, in_seconds=clock)
+    values, clock = _numbers(path, body, separator, table, stored, **options)
+    return Reading(values=values, names=table.wanted, notes=table.notes, in_seconds=clock)
+
+
+def _plain_numbers(body: bytes, table: Table) -> dict[str, FloatArray] | None:
+    """Columns by role of samples whose every cell is a number with a decimal point.
+
+    None for others: quotes, rows of other lengths, empty cells or cells that are no number.
+    """
+    body = body.replace(b"\r\n", b"\n").removesuffix(b"\n")
+    if table.decimal == "comma" or not body or _OTHER.search(body):
+        return None
+    separator, places = table.separator, table.places
+    cells = {line.count(separator.encode()) + 1 for line in body.split(b"\n")}
+    if cells != {len(table.names)}:
+        return None
+    try:
+        numbers = np.loadtxt(
+            BytesIO(body), delimiter=separator, usecols=list(places.values()), ndmin=2
+        )
+    except ValueError:
+        return None
+    return {role: column.copy() for role, column in zip(places, numbers.T, strict=True)}
 
 
 def _numbers(
     path: Path,
     content: bytes,
     separator: str,
-    wanted: Mapping[str, str],
-    stored: Mapping[str, str],
-    *,
-    first: int = 2,
-    decimal: Decimal = "point",
-    where: str = "",
+    table: Table,
+    stored: Mapping[int, str],
     **options: Any,
 ) -> tuple[dict[str, FloatArray], bool]:
     """Columns by role, an empty cell NaN, and whether time is told by a clock, in seconds.
 
-    A cell that is no number is refused by its row.
-
-    Columns ``wanted`` have the names by which they are ``stored`` in the table; its first row is
-    row ``first`` of the file.
+    Columns have by their places the names they are ``stored`` by. A cell that is no number is
+    refused by its row.
     """
     import polars as pl
 
-    table = None
-    if decimal == "point":
-        floats: dict[str, Any] = {stored[name]: pl.Float64 for name in wanted.values()}
-        with suppress(*_damaged()):
-            table = _parsed(content, separator, schema_overrides=floats, **options)
-    if table is None:
+    damaged = (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError)
+    cells = None
+    if table.decimal == "point":
+        floats: dict[str, Any] = dict.fromkeys(stored.values(), pl.Float64)
+        with suppress(*damaged):
+            cells = _parsed(content, separator, schema_overrides=floats, **options)
+    if cells is None:
         # Ten times slower and larger, but it tells spaces from words and names the cell.
-        table = _text_table(path, content, separator, where, **options)
-        _refuse_other_rows(path, table.with_columns(_as_pointed(pl.all(), decimal)), first)
+        try:
+            cells = _parsed(content, separator, **options)
+        except damaged:
+            where = f" below line {table.header + 1}" if table.header > 0 else ""
+            problem = f"is not a table of equally long rows{where}"
+            remedy = "Export it again as CSV with one header line"
+            raise InvalidInputError(path, problem, remedy) from None
     values: dict[str, FloatArray] = {}
     clock = False
-    for role, name in wanted.items():
-        cells = table[stored[name]]
-        clock = clock or (role == "time" and _is_clock(cells))
-        told = _seconds(cells) if clock and role == "time" else cells
-        values[role] = _column(path, name, told, first, decimal)
+    for role, place in table.places.items():
+        column = cells[stored[place]]
+        clock = clock or (role == "time" and _is_clock(column))
+        told = _seconds(column) if clock and role == "time" else column
+        name = table.wanted[role]
+        values[role] = _column(path, name, told, table.first + 1, table.decimal)
     return values, clock
-
-
-def _is_clock(cells: polars.Series) -> bool:
-    """Whether the first cell is a time of day."""
-    return bool(len(cells)) and isinstance(cells[0], str) and CLOCK.search(cells[0]) is not None
-
-
-def _seconds(cells: polars.Series) -> polars.Series:
-    """Seconds of times of day, counted on past midnight; any day before them tells nothing more."""
-    import polars as pl
-
-    parts = cells.str.strip_chars().str.extract_groups(CLOCK.pattern).struct.unnest()
-    hour, minute, second, half = (parts[name] for name in parts.columns)
-    hours = hour.fill_null("0").cast(pl.Float64)
-    late = half.fill_null("").str.to_lowercase()
-    twelve = hours % 12 + 12 * (late == "p").cast(pl.Float64)
-    hours = twelve.zip_with(late != "", hours)
-    seconds = second.str.replace("[,:]", ".").cast(pl.Float64)
-    told = 3600 * hours + 60 * minute.cast(pl.Float64) + seconds
-    return told + 86400 * (told.diff() < -43200).fill_null(value=False).cum_sum().cast(pl.Float64)
-
-
-def _damaged() -> tuple[type[BaseException], ...]:
-    """What the table library raises for text that is no table."""
-    import polars as pl
-
-    return (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError)
 
 
 def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:
@@ -418,16 +634,24 @@ def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:
     )
 
 
-def _text_table(
-    path: Path, content: bytes, separator: str, where: str = "", **options: Any
-) -> polars.DataFrame:
-    """The table as text. Raises InvalidInputError where it is none."""
-    try:
-        return _parsed(content, separator, **options)
-    except _damaged():
-        problem = f"is not a table of equally long rows{where}"
-        remedy = "Export it again as CSV with one header line"
-        raise InvalidInputError(path, problem, remedy) from None
+def _is_clock(cells: polars.Series) -> bool:
+    """Whether the first cell is a time of day."""
+    return bool(len(cells)) and isinstance(cells[0], str) and _CLOCK.search(cells[0]) is not None
+
+
+def _seconds(cells: polars.Series) -> polars.Series:
+    """Seconds of times of day, counted on past midnight; any day before them tells nothing more."""
+    import polars as pl
+
+    parts = cells.str.strip_chars().str.extract_groups(_CLOCK.pattern).struct.unnest()
+    hour, minute, second, half = (parts[name] for name in parts.columns)
+    hours = hour.fill_null("0").cast(pl.Float64)
+    late = half.fill_null("").str.to_lowercase()
+    twelve = hours % 12 + 12 * (late == "p").cast(pl.Float64)
+    hours = twelve.zip_with(late != "", hours)
+    seconds = second.str.replace("[,:]", ".").cast(pl.Float64)
+    told = 3600 * hours + 60 * minute.cast(pl.Float64) + seconds
+    return told + 86400 * (told.diff() < -43200).fill_null(value=False).cum_sum().cast(pl.Float64)
 
 
 def _as_pointed(cells: Any, decimal: Decimal) -> Any:
@@ -456,69 +680,7 @@ def _column(
                 path,
                 f"column '{quote(name)}' holds '{quote(str(cells[row]))}' in row {row + first}, "
                 f"which is not a number with a decimal {decimal}",
-                "Write all numbers alike, and leave missing cells empty",
+                "Write all numbers alike, leave missing cells empty, and delete rows of units, "
+                "names or a summary",
             )
     return np.asarray(numbers.fill_null(float("nan")).to_numpy(), dtype=np.float64)
-
-
-def _refuse_preamble(path: Path, content: bytes, separator: str, columns: LogColumns) -> None:
-    """Refuse a header that stands further down, or a first line that is a comment."""
-    asked = {columns.time, columns.force, columns.position, columns.reference} - {None}
-    lines = content[:_BEGINNING].decode("utf-8-sig", "replace").splitlines()[:MOST_ABOVE]
-    for above, line in enumerate(lines):
-        # Lines above a header tell nothing of its separator.
-        most = max(_SEPARATORS, key=line.count)
-        names = {cell.strip(" \t\"'#") for cell in line.split(most if most in line else separator)}
-        if above and asked <= names:
-            raise InvalidInputError(
-                path,
-                f"has {above} line{'' if above == 1 else 's'} above its header, which stands in "
-                f"line {above + 1}; the first is '{quote(lines[0])}'",
-                "Delete the lines above the header",
-            )
-    first = lines[0] if lines else ""
-    if first.startswith("#") and len(first.split(separator)) < FEWEST_COLUMNS:
-        raise InvalidInputError(
-            path,
-            f"begins with a comment, '{quote(first)}', where the names of the columns should be",
-            "Delete the lines above the header",
-        )
-
-
-def _refuse_other_rows(path: Path, table: polars.DataFrame, first: int) -> None:
-    """Refuse rows of units below the header and rows of a summary at the end of a table of text."""
-    import polars as pl
-
-    cells = pl.all().str.strip_chars()
-    is_word = cells.cast(pl.Float64, strict=False).is_null() & cells.str.contains("[[:alpha:]]")
-    is_word = is_word & ~cells.str.contains(CLOCK.pattern)
-    words = table.select(pl.any_horizontal(is_word.fill_null(value=False))).to_series()
-    rows = len(words)
-    top = next((row for row in range(min(rows, _MOST_UNITS + 1)) if not words[row]), rows)
-    if 0 < top <= _MOST_UNITS:
-        raise InvalidInputError(
-            path,
-            f"holds {_words_of(table.head(top))} in row {first}, below the header: units or "
-            "names, no numbers",
-            f"Delete {_rows_named(first, top)}; --force-gain and --position-gain convert units to "
-            "SI",
-        )
-    end = next((k for k in range(min(rows, _MOST_SUMMARY + 1)) if not words[rows - 1 - k]), rows)
-    if 0 < end <= _MOST_SUMMARY:
-        raise InvalidInputError(
-            path,
-            f"ends with {_words_of(table.tail(end))} in row {rows - end + first}, below the "
-            "samples: a summary, no sample",
-            f"Delete {_rows_named(rows - end + first, end)}",
-        )
-
-
-def _words_of(rows: polars.DataFrame) -> str:
-    """The cells of the first row that hold letters."""
-    cells = [(cell or "").strip() for cell in rows.row(0)]
-    found = [cell for cell in cells if any(letter.isalpha() for letter in cell)]
-    return ", ".join(f"'{quote(cell)}'" for cell in found)
-
-
-def _rows_named(first: int, count: int) -> str:
-    return f"row {first}" if count == 1 else f"rows {first} to {first + count - 1}"

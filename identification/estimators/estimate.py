@@ -1,17 +1,14 @@
 """Least squares, plain and by variable projection, the intervals of a fit, and its answer.
 
-By variable projection those fits are made in which only a few parameters are nonlinear. Given
-those, θ, the others are a linear solve; θ moves by Gauss-Newton on what the linear columns leave
-(Golub and Pereyra, SIAM Journal on Numerical Analysis 10, 1973, p. 413, in Kaufman's form).
+Variable projection: given the few nonlinear parameters, the others are a linear solve (Golub and
+Pereyra, SIAM Journal on Numerical Analysis 10, 1973, p. 413, in Kaufman's form).
 
 Residuals of a friction fit are never white: on a real axis the ordinary formula s²(XᵀX)⁻¹ is
-several times too small. Here the log is cut into consecutive blocks and each left out in turn
-(the jackknife over blocks: Künsch, Annals of Statistics 17, 1989, p. 1217; for regressions it is
-the CR3 covariance of MacKinnon and White, Journal of Econometrics 29, 1985, p. 305). Whatever the
-correlation inside a block, and however unevenly the blocks excite the device, it is in there.
-In white noise it is a little wide (the unbiased CR2 by 3 to 10 % narrower), which an encoder's
-rounding needs: as the device turns, it is correlated from block to block. With instruments, whose
-blocks tell far less evenly, leaving out is up to twice too wide, and CR2 it is.
+several times too small. Intervals leave out one block of the log after the other (Künsch, Annals of
+Statistics 17, 1989, p. 1217; CR3 of MacKinnon and White, Journal of Econometrics 29, 1985, p. 305).
+In white noise that is 3 to 10 % wider than the unbiased CR2, which an encoder's rounding needs: it
+is correlated from block to block. With instruments, whose blocks tell far less evenly, leaving out
+is up to twice too wide, and CR2 it is.
 """
 
 from __future__ import annotations
@@ -443,7 +440,7 @@ def process_noise_covariance(
 ) -> FloatArray:
     """What a white force adds to the covariance of a fit of positions, shape (keep, keep).
 
-    The rate is b/m; where no such force is seen, nothing is added.
+    It hardly differs from one block of a log to the next; docs/theory.md, 7. The rate is b/m.
     """
     rows = residual.size
     parts = min(rows, _POSITION_PARTS)
@@ -543,6 +540,15 @@ _RESOLVED = 0.25
 _FAR = 1e6  # deviations beyond which it does not matter how many they are
 
 
+def wald(values: FloatArray, covariance: FloatArray) -> float:
+    """Wald's statistic of some parameters, χ² if they are nothing."""
+    size = np.sqrt(np.diag(covariance))
+    size = np.where(size > 0, size, np.inf)
+    unit = values / size
+    inverse = np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)
+    return float(unit @ inverse @ unit)
+
+
 def region(estimate: Estimate) -> float:
     """Area of the joint region of mass and damping, up to a factor all estimates share."""
     joint = estimate.covariance[:2, :2]
@@ -552,14 +558,9 @@ def region(estimate: Estimate) -> float:
 def statistic(efficient: Estimate, robust: Estimate) -> float:
     """Square of the difference of mass and damping by its variance; χ² of 2 if the model is right.
 
-    Hausman's test tells whether an efficient and a robust estimate of one log say the same. Where
-    the model is right both are, and the efficient one leaves no error that the robust one could
-    share: the variance of their difference is the difference of their variances (Hausman,
-    Econometrica 46, 1978, p. 1251). So a robust answer that is hardly known contradicts nothing,
-    and one that is as sharp as the efficient one contradicts at once.
-
-    In directions in which the efficient one is not the sharper of the two, nothing is known of
-    what they share, and the largest variance their difference can have is taken.
+    Hausman's test (Econometrica 46, 1978, p. 1251): where the model is right, the variance of their
+    difference is the difference of their variances. In directions in which the efficient one is not
+    the sharper of the two, the largest variance that their difference can have is taken.
     """
     size = np.sqrt(np.maximum(np.diag(robust.covariance)[:2], np.finfo(float).tiny))
     scale = np.outer(size, size)

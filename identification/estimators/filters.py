@@ -1,10 +1,9 @@
 """Filters: convolution and difference equations, the low-pass of a regression, and whitening.
 
 The first two are what ``scipy.signal`` offers as well, whose package takes longer to load than a
-log to identify. Whitening is for tremor of a hand, cogging and friction that a model misses: they
-colour a residual in bands that no moving average of two terms can follow, and it is in these bands
-that mass and damping are read. The spectrum is smoothed over a constant part of the frequency, and
-its inverse made causal: a filter that looked ahead would bias an estimate in closed loop.
+log to identify. Whitening is for what colours a residual in bands that no moving average of two
+terms can follow; it is causal, for a filter that looked ahead would bias an estimate in closed
+loop.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """Prediction-error method: innovations form with position noise and unlogged forces.
 
-White noise on the position and white forces on the device together make the equation of motion,
-row by row, a moving average of two terms in independent innovations (the steady Kalman filter:
-Ljung, System Identification, 1999, section 4.3; an ARMAX model whose A is the device). Its two
-coefficients c1, c2 are fitted with p = b/m; what else colours the force (tremor, friction that the
-model misses) is taken out by a filter made from the spectrum of the rest. Without unlogged force it
-is output error, with nothing else least squares; it is consistent in closed loop.
+An ARMAX model whose A is the device (the steady Kalman filter: Ljung, System Identification, 1999,
+section 4.3; docs/theory.md, 7). Without unlogged force it is output error, with nothing else least
+squares; it is consistent in closed loop.
 """
 
 from __future__ import annotations

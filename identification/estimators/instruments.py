@@ -1,11 +1,11 @@
 """Instrumental variables: filtered rows tested against columns free of the log's own noise.
 
-Columns computed from a measured position carry its noise and, in closed loop, so does the force;
-both bias least squares. Instruments are the same columns of a position that does not carry it: the
-part of the position that a logged reference explains, or, without one, the noise-free device moved
-by the logged force, simulated with the estimate and estimated again until both agree (refined
-instrumental variables: Young, Recursive Estimation and Time-Series Analysis, 2011, chapter 8). The
-simulated ones are valid in open loop only: in closed loop the logged force carries the noise.
+Noise in the columns and, in closed loop, in the force biases least squares. Instruments are the
+same columns of a position that does not carry it: the part of the position that a logged reference
+explains, or, without one, the noise-free device moved by the logged force, simulated with the
+estimate and estimated again until both agree (refined instrumental variables: Young, Recursive
+Estimation and Time-Series Analysis, 2011, chapter 8). The simulated ones are valid in open loop
+only: in closed loop the logged force carries the noise.
 """
 
 from __future__ import annotations

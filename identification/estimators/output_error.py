@@ -1,25 +1,16 @@
 """Output error by variable projection: the simulated position against the measured one.
 
-q = q0 + v0·(1 - e^(-pt))/p + (G_p[F] - Σ terms·G_p[column])/m, G_p = 1/(s(s+p)), p = b/m, is
-integrated exactly for held inputs and any time stamps. Only p, and the delay if nobody states it,
-are nonlinear. Best where position noise is all there is; a force that the log does not know
-integrates twice and spoils it, which its residual then shows.
+Exact for held inputs and any time stamps; docs/theory.md, 7. Best where position noise is all there
+is; a force that the log does not know integrates twice and spoils it, which its residual then
+shows, or moves damping and friction before it does (``process_noise_covariance``).
 
-Such a force, white, is a slow drift of the position. While position noise still covers it in every
-octave of the residual, it moves damping and friction by more than that noise does, and hardly
-differs from one part of a log to the next, which is where leaving out blocks looks. So its variance
-is estimated from the lowest lines of the residual, by restricted maximum likelihood: what the fit
-has taken up of these lines is accounted for (Patterson and Thompson, Biometrika 58, 1971, p. 545).
-
-With Coulomb friction the velocity reversals are nonlinear too. Where the direction of motion is
-read from a noisy position, every turn is off by part of a sample, always a little to the same side,
-and the error integrates twice. Here it follows from the parameters themselves, and Gauss-Newton
-goes over all of them with the exact sensitivity of every turn. Between two turns the motion is that
-of a mass with damping under a held force, known in closed form from one response of the whole log;
-so only turns cost a step of a loop. At a turn friction changes sides: a change of velocity before
-it goes on as the part ρ = a⁺/a⁻ of itself, the ratio of the accelerations after and before, and
-ends where the device comes to rest (the saltation of Leine and Nijmeijer, Dynamics and Bifurcations
-of Non-Smooth Mechanical Systems, 2004, section 7.2).
+Where the direction of motion is read from a noisy position, every turn is off by part of a sample,
+always a little to the same side, and the error integrates twice. With Coulomb friction it follows
+from the parameters themselves: between two turns the motion is that of a mass with damping under a
+held force, known from one response of the whole log, so only turns cost a step of a loop. At a turn
+a change of velocity goes on as the part ρ = a⁺/a⁻ of itself, or ends where the device comes to rest
+(the saltation of Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems,
+2004, section 7.2).
 """
 
 from __future__ import annotations

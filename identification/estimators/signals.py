@@ -2,12 +2,7 @@
 
 Interval k is [t[k], t[k+1]); a log of n samples has n - 1 of them, of any lengths. Everything that
 acts on the device is constant over an interval but for jumps inside it, so the equation of motion
-can be averaged and integrated exactly, for any rate p = b/m, and with it the derivative by p.
-
-Row k is m·q̈ + b·q̇ + … = F multiplied by the triangle that is 1 at t[k] and 0 at both neighbours,
-integrated and divided by the mean step. Integrated by parts, acceleration becomes the difference
-of two slopes of position, velocity the difference of two means; a held force enters by its own
-integral (HeldColumn.triangle). Any weighted sum of rows holds as well, so filters act on rows.
+is averaged and integrated exactly, for any p = b/m. Rows: docs/theory.md, 7.
 """
 
 from __future__ import annotations
@@ -88,9 +83,8 @@ class HeldColumn:
     def triangle(self) -> FloatArray:
         """Integral over a triangle about each inner sample by the mean step, shape (n - 2,).
 
-        The triangle is 1 at its sample and 0 at both neighbours. That is what the difference of
-        two slopes of position makes of an acceleration, so mass times the one equals the other
-        exactly for a pure mass, wherever the jumps are. Held evenly it is (x[k] + x[k-1])/2.
+        The triangle is 1 at its sample and 0 at both neighbours. Held evenly it is
+        (x[k] + x[k-1])/2.
         """
         half = self.level * self.steps / 2
         if not self.change.size:

@@ -14,6 +14,7 @@ from identification.estimators.estimate import (
     Estimate,
     half_width,
     solve,
+    spread,
     symmetric_inverse,
     unit_columns,
 )
@@ -26,7 +27,7 @@ from identification.findings.force_balance import (
 from identification.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
 
 _POWERS = (1, 2, 3)  # powers of position that stand for any smooth force over the travel
 _PARTS = 4  # parts a log is cut into, each left out in turn
@@ -316,7 +317,6 @@ _DOUBTED = 0.05
 _REFUSED = 0.25  # ... beyond this the parts are not of one device.
 #: ... and by this many standard deviations of the prediction itself, or the rest says too little.
 _SIGMAS = 4.0
-_BLOCKS = 8  # blocks of each part, left out in turn for that standard deviation
 _JUDGED = ("mass", "damping")  # parameters that must not move
 _HARMLESS = 0.02  # a move that is this part of the value, or less, matters to no margin
 
@@ -386,76 +386,34 @@ def _held_out_errors(balance: ForceBalance, chosen: Estimate) -> FloatArray:
     # A term that the estimate does without would only follow chance where the rest is slow.
     terms = balance.plant if chosen.model.directional else balance.plant[:, :-1]
     columns, _ = unit_columns(np.column_stack((terms, balance.carried)))
-    edges = np.cumsum([0, *even_sizes(len(balance), _PARTS * _BLOCKS)])
-    parts = list(pairwise(edges[::_BLOCKS].tolist()))
-    slow = balance.moving
+    part, slow = np.arange(len(balance)) * _PARTS // len(balance), balance.moving
     for column in (np.abs(balance.acceleration), np.abs(balance.velocity)):
-        fastest = np.array([np.max(column[first:last]) for first, last in parts])
-        for part, (first, last) in enumerate(parts):
-            slow[first:last] &= column[first:last] <= np.max(np.delete(fastest, part))
-    total = _Blocks.of(columns, balance.force, balance.moving, edges)
-    shown = _Blocks.of(columns, balance.force, slow, edges)
-    inside = np.arange(_PARTS * _BLOCKS) // _BLOCKS
-    return np.array(
-        [
-            _held_out_error(total.chosen(inside != part), shown.chosen(inside == part))
-            for part in range(_PARTS)
-        ]
-    )
+        fastest = np.array([np.max(column[part == each]) for each in range(_PARTS)])
+        others = np.array([np.max(np.delete(fastest, each)) for each in range(_PARTS)])
+        slow &= column <= others[part]
+    pairs = [(balance.moving & (part != each), slow & (part == each)) for each in range(_PARTS)]
+    return np.array([_held_out_error(columns, balance.force, *pair) for pair in pairs])
 
 
-def _held_out_error(rest: _Blocks, own: _Blocks) -> float:
-    """What the rest of a log predicts worse of a part than its own fit does, rms in N."""
-    if own.counts.sum() == 0 or rest.counts.sum() == 0:
+def _held_out_error(
+    columns: FloatArray, force: FloatArray, rest: BoolArray, own: BoolArray
+) -> float:
+    """What some rows predict worse of others than these by themselves, rms in N; 0 if chance."""
+    if min(np.count_nonzero(rest), np.count_nonzero(own)) < _ROWS:
         return 0.0
-    square, count = own.normal.sum(axis=0), float(own.counts.sum())
-    fits = [rest.fits(), own.fits()]
-    apart = fits[0][0] - fits[1][0]
-    excess = float(apart @ square @ apart) / count
-    # How far both fits may be off: each without one of its blocks in turn (jackknife).
+    parts = [(columns[rows], force[rows]) for rows in (rest, own)]
+    fits: list[FloatArray] = [
+        symmetric_inverse(table.T @ table) @ (table.T @ right) for table, right in parts
+    ]
+    shown = parts[1][0]
+    excess = float(np.mean((shown @ (fits[0] - fits[1])) ** 2))
+    if excess < (_DOUBTED * np.std(force)) ** 2:
+        return 0.0
     chance = 0.0
-    for fit in fits:
-        change = fit[1:] - fit[0]
-        squares = np.einsum("ij,jk,ik->", change, square, change)
-        chance += float(squares) / count * (1 - 1 / len(change))
+    for (table, right), found in zip(parts, fits, strict=True):
+        around = spread(table.T, right - table @ found, found.size, signal=right).covariance
+        chance += float(np.sum((shown.T @ shown) * around)) / len(shown)
     return float(np.sqrt(excess)) if excess > _SIGMAS**2 * chance else 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Blocks:
-    """Sums of squares and products of consecutive blocks, from which any part is fitted at once."""
-
-    normal: FloatArray  # XᵀX of each block, shape (blocks, p, p), columns of unit norm
-    right: FloatArray  # Xᵀf, shape (blocks, p)
-    counts: FloatArray  # rows of each, shape (blocks,)
-
-    @classmethod
-    def of(
-        cls, columns: FloatArray, force: FloatArray, used: NDArray[np.bool_], edges: IntArray
-    ) -> _Blocks:
-        """Blocks between edges, of the rows used."""
-        table = np.column_stack((columns, force)) * used[:, None]
-        blocks = [table[first:last] for first, last in pairwise(edges.tolist())]
-        squares = np.stack([block.T @ block for block in blocks])
-        return cls(
-            normal=squares[:, :-1, :-1],
-            right=squares[:, :-1, -1],
-            counts=np.add.reduceat(used, edges[:-1], dtype=np.float64),
-        )
-
-    def chosen(self, which: NDArray[np.bool_]) -> _Blocks:
-        """Some of the blocks."""
-        return _Blocks(
-            normal=self.normal[which], right=self.right[which], counts=self.counts[which]
-        )
-
-    def fits(self) -> FloatArray:
-        """Least squares, of least norm, on all blocks, then without each, shape (1 + blocks, p)."""
-        count = len(self.counts)
-        weights = np.concatenate((np.ones((1, count)), 1.0 - np.eye(count)))
-        inverse = symmetric_inverse(np.tensordot(weights, self.normal, axes=1))
-        solved = inverse @ (weights @ self.right)[..., None]
-        return np.asarray(solved[..., 0], dtype=np.float64)
 
 
 #: Bands of velocity in each direction at most, and rows in each at least: two take up what

@@ -1,10 +1,9 @@
 """Rows that were lost from a log whose others were numbered anew, and the time put back.
 
 Where a row is lost every column moves in one step as far as in two. A step is clear where it stands
-out of noise and bending beside the two before and the two after it: nearly every step of a planned
-force or a set-point, and the fast ones of a position. Clear steps are given the time of the rows
-lost in them, the others their even share of as many. Where no column is clear, jumps of position
-that cubics over more rows leave tell at least that rows are lost.
+out of noise and bending beside its neighbours: nearly every step of a planned force or a set-point,
+and the fast ones of a position. Clear steps are given the time of the rows lost in them, the others
+their even share. Where no column is clear, jumps of position tell at least that rows are lost.
 """
 
 from __future__ import annotations

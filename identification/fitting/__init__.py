@@ -22,6 +22,7 @@ from identification.estimators.estimate import (
     contradiction,
     half_width,
     region,
+    wald,
 )
 from identification.estimators.filters import Rest, is_coloured
 from identification.estimators.least_squares import (
@@ -42,7 +43,6 @@ from identification.trajectory import NORMAL_95, Trajectory, encoder_count, most
 if TYPE_CHECKING:
     from identification.fitting.dynamics import Dynamics
     from identification.fitting.friction_curve import FrictionCurve
-    from identification.fitting.stability_selection import Structure
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
 
@@ -367,7 +367,7 @@ class LogFit:
         estimate: the one believed.
         others: estimates by the other methods that were tried.
         delay: read from the log; None if it was stated and the log does not contradict it.
-        structure: which terms sparse regression asks for; None where nothing called for it.
+        structure: which further terms sparse regression asks for, in words; "" where none pay.
         curve: friction beyond the model; None where the log shows none.
         dynamics: lag, vibration, play or load friction that was taken out; None for none.
         findings: about this log, those allowed among them as warnings.
@@ -381,7 +381,7 @@ class LogFit:
     delay: Delay | None
     findings: tuple[Finding, ...]
     reason: str
-    structure: Structure | None = None
+    structure: str = ""
     curve: FrictionCurve | None = None
     dynamics: Dynamics | None = None
 
@@ -397,7 +397,7 @@ def fit_log(
     """Estimate mass, damping and friction from one log, of a ``rigid`` device or not."""
     stated = None if hardware is None else hardware.delay
     part = most_excited(trajectory)
-    prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), None
+    prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), ""
     explained = noise_explains(prepared)
     if explained is None:
         prepared, structure = _add_paying_terms(prepared)
@@ -477,7 +477,7 @@ _WIDE_SWING = 0.5
 _BETTER_LAW = 0.9
 
 
-def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | None]:
+def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, str]:
     """The log with those further terms that pay for themselves, and what sparse regression says.
 
     For a log of which position noise does not explain all. Friction by direction and a law of
@@ -486,7 +486,7 @@ def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | N
     least squares and in the estimate believed, and if sparse regression on resampled halves of the
     log asks for them too.
     """
-    model, rotary = prepared.model, prepared.trajectory.motion == "rotary"
+    model = prepared.model
     plausible = prepared.fit("least-squares").value("mass") > 0
     wide = _with_law_of_position(prepared)
     largest = wide.model
@@ -496,24 +496,19 @@ def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, Structure | N
         if set(names) <= set(largest.parameters) and _pays(wide.fit("least-squares"), names)
     ]
     if not groups:
-        return prepared, None
+        return prepared, ""
     wide = wide.widened(_with(model, groups, largest))
     estimate, _ = robust(wide)
     paying = {names: _pays(estimate, names) for names in groups}
     # A controller looks like a spring against the motion: only a weight may turn the sign of mass.
     weight = largest.gravity == "pendulum" or estimate.value("position_stiffness") > 0
     if not any(paying.values()) or not (plausible or (estimate.value("mass") > 0 and weight)):
-        return prepared, None
-    from identification.fitting.stability_selection import structure_of
+        return prepared, ""
+    from identification.fitting.stability_selection import second_opinion
 
-    second_opinion = structure_of(wide.table, wide.delay, rotary=rotary)
-    asked = [
-        names
-        for names, pays in paying.items()
-        if pays and (second_opinion is None or _asks(second_opinion, names))
-    ]
+    asked, said = second_opinion(wide.table, wide.delay, [each for each in groups if paying[each]])
     found = _with(model, asked, largest)
-    return prepared if found == model else wide.narrowed(found), second_opinion
+    return prepared if found == model else wide.narrowed(found), said
 
 
 def _with_law_of_position(prepared: PreparedLog) -> PreparedLog:
@@ -532,12 +527,6 @@ def _with_law_of_position(prepared: PreparedLog) -> PreparedLog:
     return usual
 
 
-def _asks(structure: Structure, names: tuple[str, ...]) -> bool:
-    """Whether sparse regression asks for a term of a group; a line stands for any law of place."""
-    law = "damping_asymmetry" not in names and "position_stiffness" in structure.asked
-    return law or bool(set(names) & set(structure.asked))
-
-
 def _with(model: Model, groups: Collection[tuple[str, ...]], largest: Model) -> Model:
     """The model with those further groups of the terms of the largest."""
     gravity = largest.gravity if largest.of_gravity in groups else "none"
@@ -546,9 +535,8 @@ def _with(model: Model, groups: Collection[tuple[str, ...]], largest: Model) -> 
 
 def _pays(estimate: Estimate, names: tuple[str, ...]) -> bool:
     index = [estimate.parameters.index(name) for name in names]
-    values = estimate.values[index]
-    inverse = np.linalg.pinv(estimate.covariance[np.ix_(index, index)], hermitian=True)
-    return bool(values @ inverse @ values > np.log(estimate.residual.size) * len(index))
+    square = wald(estimate.values[index], estimate.covariance[np.ix_(index, index)])
+    return square > np.log(estimate.residual.size) * len(index)
 
 
 def _drop_noise_terms(prepared: PreparedLog, estimate: Estimate) -> Estimate:

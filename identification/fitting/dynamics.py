@@ -1,13 +1,10 @@
 """Dynamics that a rigid device lacks: a lagging drive, vibration, play, friction by load.
 
-Each kind is put to the regression of a log as what it does there: a drive of first order delays
-the low frequencies of the force and weakens the high ones; a mass on a spring follows the measured
-position through a resonance; a mass behind play coasts until its gap closes; friction that grows
-with load is a part of the force, against the motion. Their parameters are found by variable
-projection. A kind is found if it takes most of the residual away, more than a delay, a simpler kind
-or laws of friction do. The log is then given the force that a rigid device would have needed, and
-everything is estimated and judged again from that: mass and damping become those of low
-frequencies, and carry what the parameters of the kind leave in doubt.
+Each kind is put to the regression of a log, its parameters found by variable projection. It is
+found if it takes most of the residual away, more than a delay, a simpler kind or laws of friction
+do. The log is then given the force that a rigid device would have needed, and everything is
+estimated and judged again from that: mass and damping become those of low frequencies, and carry
+what the parameters of the kind leave in doubt.
 """
 
 from __future__ import annotations

@@ -1,16 +1,9 @@
 """What the residual of a log holds beside noise, and what that does to mass and to damping.
 
 Every kind of force that the model lacks is put to the log in turn, as a few columns that follow any
-force of that kind closely enough to find it, and to give mass and damping without it: powers of
-speed, bells of speed for friction that falls, waves of position, stop operators and parabolas of
-time for friction that drifts. A kind is found if its columns take more away from the residual than
-chance does, whatever the colour of the residual (Wald's test with a covariance by leaving out
-blocks), and if sparse regression on random halves of the log asks for them again and again. The
-kind that takes away most is taken first, and the others have to find something beside it.
-
-What a loop feels of friction is the slope of its curve over speed where it works. With the kinds
-found in the regression the slope is known from rest to the fastest speed seen; what they leave over
-counts against it in the proportion in which they themselves moved damping.
+force of that kind closely enough to find it, and to give mass and damping without it;
+docs/theory.md, 7. What the kinds found leave over counts against the slope of friction in the
+proportion in which they themselves moved damping.
 """
 
 from __future__ import annotations
@@ -26,20 +19,15 @@ from numpy.typing import NDArray
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.device.quantities import LARGEST
 from identification.errors import Finding
-from identification.estimators.estimate import Estimate, symmetric_inverse, unit_columns
-from identification.estimators.filters import LowPass
+from identification.estimators.estimate import Estimate, symmetric_inverse, unit_columns, wald
+from identification.estimators.filters import LowPass, width_of
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
 from identification.fitting.stability_selection import (
     BLOCKS,
-    HALF_HURDLE,
     STABLE,
-    BlockSums,
+    Blocks,
     least_norm,
-    paying_terms,
-    scale_to_unit_rms,
-    smooth_speed,
-    sums_of,
 )
 from identification.trajectory import NORMAL_95, Trajectory
 
@@ -51,6 +39,8 @@ _BELLS = (0.03, 0.06, 0.12, 0.25)
 _DAMPING_WAVES = 8
 #: ... and of force.
 _WAVES = 16
+#: Part of the mean square of a smoothed velocity that may be noise of position.
+_SPEED_NOISE = 1e-4
 #: Widths of the springs that yield, parts of the travel.
 _WIDTHS = (0.15, 0.05, 0.015, 0.005, 0.0015)
 #: Speeds, places and times at which slopes are taken.
@@ -92,6 +82,23 @@ _MOST_EXPLAINED, _LITTLE_LEFT = 0.5, 0.04
 _NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of the force
 #: A slope over the speeds seen that would take this many times the largest force is not told.
 _STEEPEST = 10.0
+
+
+def _smooth_speed(table: Regression) -> FloatArray:
+    """Velocity of each interval, as smooth as noise of position asks for and no more.
+
+    White noise of deviation σ has σ²·h/(4·√π·w³) of variance in the velocity under a bell of
+    deviation w. The low-pass of the table, which is set by the acceleration, is the widest.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    signals = table.signals
+    noisy = signals.noise**2 * signals.step / (4 * np.sqrt(np.pi) * _SPEED_NOISE)
+    width = (
+        min(float(np.cbrt(noisy / np.var(signals.speed))), width_of(table.cut_off.frequency))
+        / signals.step
+    )
+    return np.asarray(gaussian_filter1d(signals.speed, width, mode="nearest"), dtype=np.float64)
 
 
 def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
@@ -187,7 +194,7 @@ class _Forces:
 
     @cached_property
     def _speed(self) -> FloatArray:
-        return smooth_speed(self.table)
+        return _smooth_speed(self.table)
 
     @cached_property
     def _place(self) -> FloatArray:
@@ -260,53 +267,32 @@ class _Fit:
     covariance: FloatArray  # of them
     places: Mapping[Kind, slice]  # where those of each kind stand
 
+    @classmethod
+    def of(cls, own: Blocks[Kind], kinds: Sequence[Kind]) -> _Fit:
+        fitted, covariance = own.fit(kinds)
+        scales = own.scales[own.chosen(kinds)]
+        places: dict[Kind, slice] = {}
+        first = len(own.base)
+        for kind in kinds:
+            places[kind] = slice(first, first + len(own.members[kind]))
+            first = places[kind].stop
+        return cls(fitted * scales, covariance * np.outer(scales, scales), places)
+
     def weighted(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Weighted sums of the coefficients, and how far each may be off."""
         variance = np.einsum("ij,jk,ik->i", weights, self.covariance, weights)
         return weights @ self.values, _SURE * np.sqrt(np.maximum(variance, 0.0))
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """All columns of one log in blocks, mean squares 1."""
+def _is_sure(own: Blocks[Kind], kind: Kind, beside: Sequence[Kind]) -> bool:
+    """Whether Wald's statistic of a kind exceeds what chance does with _CHANCE."""
+    from scipy.special import fdtri
 
-    sums: BlockSums  # of the columns
-    base: list[int]  # columns of the model
-    members: Mapping[Kind, list[int]]  # columns of each kind
-    scales: FloatArray  # unit of each column over that of the answer
-
-    def chosen(self, kinds: Sequence[Kind]) -> list[int]:
-        return self.base + [each for kind in kinds for each in self.members[kind]]
-
-    def fit(self, kinds: Sequence[Kind]) -> _Fit:
-        chosen = self.chosen(kinds)
-        fitted, covariance = self.sums.fit(chosen)
-        scales = self.scales[chosen]
-        places: dict[Kind, slice] = {}
-        first = len(self.base)
-        for kind in kinds:
-            places[kind] = slice(first, first + len(self.members[kind]))
-            first = places[kind].stop
-        return _Fit(fitted * scales, covariance * np.outer(scales, scales), places)
-
-    def left(self, kinds: Sequence[Kind]) -> float:
-        """Mean square that is left over, of 1."""
-        return self.sums.left(self.chosen(kinds))
-
-    def wald(self, kind: Kind, beside: Sequence[Kind]) -> float:
-        """Wald's statistic of a kind over the value that chance exceeds with _CHANCE."""
-        from scipy.special import fdtri
-
-        fitted, covariance = self.sums.fit(self.chosen((*beside, kind)))
-        count = len(self.members[kind])
-        value, own = fitted[-count:], covariance[-count:, -count:]
-        deviations = np.sqrt(np.diag(own))
-        deviations = np.where(deviations > 0, deviations, np.inf)
-        unit = value / deviations
-        inverse = np.linalg.pinv(own / np.outer(deviations, deviations), hermitian=True)
-        freedom = BLOCKS - count
-        chance = count * (BLOCKS - 1) / freedom * float(fdtri(count, freedom, 1 - _CHANCE))
-        return float(unit @ inverse @ unit) / chance
+    fitted, covariance = own.fit((*beside, kind))
+    count = len(own.members[kind])
+    freedom = BLOCKS - count
+    chance = count * (BLOCKS - 1) / freedom * float(fdtri(count, freedom, 1 - _CHANCE))
+    return wald(fitted[-count:], covariance[-count:, -count:]) >= chance
 
 
 def follows_motion(table: Regression, delay: float) -> bool:
@@ -349,37 +335,17 @@ def friction_curve(
     ``structured`` only drag is looked for.
     """
     forces = _Forces(table)
-    columns = forces.columns(None if structured else 1)
-    answer = table.force(delay)
-    every = np.concatenate((table.columns.T, *columns.values()), axis=1)
-    count = len(table.columns)
-    if answer.size < BLOCKS * (every.shape[1] + 1) / 4 or not np.any(answer):
+    columns, answer = forces.columns(None if structured else 1), table.force(delay)
+    own = Blocks[Kind].of(table.columns.T, columns, answer)
+    if answer.size < BLOCKS * (own.scales.size + 1) / 4 or not np.any(answer):
         return None
-    own = _in_blocks(every, answer, count, columns)
     noticed = _kinds(own)
-    kinds = _stable(own, noticed) if noticed else []
+    often = own.often_asked(noticed) if noticed else []
+    kinds: list[Kind] = [each for each, part in zip(noticed, often, strict=True) if part >= STABLE]
     return _curve(own, kinds, forces) if kinds else None
 
 
-def _in_blocks(
-    every: FloatArray, answer: FloatArray, count: int, columns: Mapping[Kind, FloatArray]
-) -> _Table:
-    unit = np.stack([scale_to_unit_rms(column) for column in every.T], axis=1)
-    sizes = np.sqrt(np.mean(every**2, axis=0))
-    members: dict[Kind, list[int]] = {}
-    first = count
-    for kind, each in columns.items():
-        members[kind] = list(range(first, first + each.shape[1]))
-        first += each.shape[1]
-    return _Table(
-        sums_of(unit, scale_to_unit_rms(answer)),
-        list(range(count)),
-        members,
-        np.sqrt(np.mean(answer**2)) / np.where(sizes > 0, sizes, np.inf),
-    )
-
-
-def _kinds(own: _Table) -> list[Kind]:
+def _kinds(own: Blocks[Kind]) -> list[Kind]:
     """The kinds found, the one that takes most away first."""
     kinds: list[Kind] = []
     while len(kinds) < _MOST:
@@ -396,39 +362,21 @@ def _kinds(own: _Table) -> list[Kind]:
     return kinds
 
 
-def _noticed(own: _Table, kind: Kind, beside: Sequence[Kind], gone: float, left: float) -> bool:
+def _noticed(
+    own: Blocks[Kind], kind: Kind, beside: Sequence[Kind], gone: float, left: float
+) -> bool:
     """Whether what a kind takes away from what is left, mean squares, is large enough and sure."""
     part = _FURTHER if beside or kind == "position" else 0.0 if kind == "drag" else _FIRST
-    return gone >= max(_LEAST[kind] ** 2, part * left) and own.wald(kind, beside) >= 1
+    return gone >= max(_LEAST[kind] ** 2, part * left) and _is_sure(own, kind, beside)
 
 
-def _stable(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
-    """The kinds for which sparse regression asks in most random halves of the log.
-
-    The shape of a kind is that of the other half, so that no half is asked for what it suggested.
-    """
-    fits = own.sums.resampled(own.chosen(kinds), nuisance=len(own.base))
-    # A half knows each term with twice the variance of the whole.
-    root = fits.root / np.sqrt(2)
-    places = np.repeat(np.arange(len(kinds)), [len(own.members[kind]) for kind in kinds])
-    halves = fits.halves()
-    picked: list[NDArray[np.bool_]] = []
-    for index, half in enumerate(halves):
-        other = halves[index ^ 1]
-        shapes = np.where(places[:, None] == np.arange(len(kinds)), other[:, None], 0.0)
-        picked.append(paying_terms(root @ shapes, (root @ half)[:, None], HALF_HURDLE**2)[0])
-    return [
-        kind for kind, often in zip(kinds, np.mean(picked, axis=0), strict=True) if often >= STABLE
-    ]
-
-
-def _curve(own: _Table, kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve:
-    linear, fit = own.fit(()), own.fit(kinds)
+def _curve(own: Blocks[Kind], kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve:
+    linear, fit = _Fit.of(own, ()), _Fit.of(own, kinds)
     left = float(np.sqrt(own.left(kinds) / own.left(())))
     moved = np.abs(fit.values[:2] - linear.values[:2]) * left
     low, high = _slope_range(fit, forces)
     for other in _as_good(own, kinds):
-        below, above = _slope_range(own.fit((other,)), forces)
+        below, above = _slope_range(_Fit.of(own, (other,)), forces)
         low, high = min(low, below), max(high, above)
     return FrictionCurve(
         found=tuple(UnmodelledForce(kind=kind, share=_share(own, fit, kind)) for kind in kinds),
@@ -443,14 +391,13 @@ def _curve(own: _Table, kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve
     )
 
 
-def _share(own: _Table, fit: _Fit, kind: Kind) -> float:
+def _share(own: Blocks[Kind], fit: _Fit, kind: Kind) -> float:
     """Rms of a kind over the rms of the force.
 
     Of all but drag only what Coulomb friction and the other terms of the model cannot follow: they
     overlap, and their sum alone is known.
     """
-    gram = own.sums.normals.sum(axis=0) / own.sums.rows
-    members = own.members[kind]
+    gram, members = own.gram, own.members[kind]
     part = fit.values[fit.places[kind]] / own.scales[members]
     square = float(part @ gram[np.ix_(members, members)] @ part)
     terms = own.base[2:] if kind != "drag" else []
@@ -487,12 +434,12 @@ def _slope_range(fit: _Fit, forces: _Forces) -> tuple[float, float]:
     return float(np.min(slope - half)), float(np.max(slope + half))
 
 
-def _as_good(own: _Table, kinds: Sequence[Kind]) -> list[Kind]:
+def _as_good(own: Blocks[Kind], kinds: Sequence[Kind]) -> list[Kind]:
     """Kinds that explain the log so well alone that the first one finds nothing beside them."""
     return [
         kind
         for kind in own.members
-        if kind not in kinds and own.wald(kind, ()) >= 1 and own.wald(kinds[0], (kind,)) < 1
+        if kind not in kinds and _is_sure(own, kind, ()) and not _is_sure(own, kinds[0], (kind,))
     ]
 
 

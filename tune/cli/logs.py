@@ -142,8 +142,8 @@ def identify_logs(
         for other in fit.others:
             mass, damping = other.value("mass"), other.value("damping")
             session.detail(f"{source}, {other.method}: mass {mass:.5g}, damping {damping:.5g}")
-        for sentence in fit.structure.sentences if fit.structure else ():
-            session.detail(f"{source}: {sentence}")
+        if fit.structure:
+            session.detail(f"{source}: {fit.structure}")
     return result
 
 
@@ -173,7 +173,7 @@ def _log_details(fit: LogFit) -> LogIdentified:
             }
             for other in fit.others
         ],
-        "structure": list(fit.structure.sentences) if fit.structure else [],
+        "structure": [fit.structure] if fit.structure else [],
     }
 
 

@@ -1,6 +1,6 @@
 """haptune: from a logged trajectory to a safe haptic controller profile.
 
-The seven verbs and the documents they take and give; `identification` and `tune` have the rest.
+The eight verbs and the documents they take and give; `identification` and `tune` have the rest.
 Names load on first use, so that importing this costs nothing.
 """
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         load_profile,
         load_scene,
         optimise,
+        study,
         verify,
     )
 
@@ -45,6 +46,7 @@ __all__ = [
     "load_scene",
     "load_trajectory",
     "optimise",
+    "study",
     "verify",
 ]
 

@@ -23,6 +23,9 @@ COMMANDS = {
     "calibrate": "--scene --output --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --hardware --allow --method --margin --candidates "
     "--picture --dry-run --json --quiet --verbose --no-input",
+    "fleet": "--scene --output --time --time-gain --force --position --reference --force-gain "
+    "--position-gain --axis --decimal --hardware --allow --method --margin --workers --scheduler "
+    "--dry-run --json --quiet --verbose",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
     "--acceleration-filter --margin --picture --json --quiet --verbose",
     "check": "--device --picture --json --quiet --verbose",

@@ -25,7 +25,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 #: Pages whose links have to resolve.
 LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
 #: Blocks in other languages: shown, not run.
-SHOWN = {"c"}
+SHOWN = {"c", "csv", "text"}
 #: Commands that install what runs here, the one that runs this test, and measurements of minutes.
 LEFT_OUT = ("python -m pip", "python -m pytest", "python -m benchmarks")
 #: The element that is played for ``haptune verify``, and its gain.
@@ -77,6 +77,14 @@ def _edit_excitation(command: str) -> None:
         text = re.sub(r"^(gentle|device): .*$", key, text, flags=re.MULTILINE)
         assert f"\n{key}\n" in text
     spec.write_text(text, encoding="utf-8")
+
+
+def _lay_out_fleet(manifest: str) -> None:
+    """The manifest, and for each of its devices the log at hand."""
+    Path("manifest.csv").write_text(manifest, encoding="utf-8")
+    Path("logs").mkdir(exist_ok=True)
+    for name in re.findall(r"logs/.*", manifest):
+        shutil.copy("log.csv", name)
 
 
 def _play_gently() -> None:
@@ -163,6 +171,8 @@ def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
     for page, language, text in blocks:
         if language == "python":
             exec(compile(text, page, "exec"), {})  # noqa: S102
+        if language == "csv":
+            _lay_out_fleet(text)
         for line, command in _commands(text) if language == "sh" else ():
             if line in lines:  # a guide repeats what the README begins with
                 continue

@@ -32,7 +32,7 @@ from tests.commands import FLUID, form, log_text
 from tune import Effects, audit, compare, load_profile, region_picture
 
 ROOT = Path(__file__).parents[1]
-VERBS = ("identify", "optimise", "audit", "check", "verify", "export")
+VERBS = ("identify", "optimise", "study", "audit", "check", "verify", "export")
 
 
 @pytest.mark.parametrize("name", VERBS)

@@ -48,7 +48,7 @@ def _parsed(text: str) -> Any:
 
 def test_shipped_schemas_are_up_to_date() -> None:
     """If not: python -m tune.schemas."""
-    assert {f"{name}.json" for name in (*MODELS, "export", "result")} == set(generate())
+    assert {f"{name}.json" for name in (*MODELS, "export", "manifest", "result")} == set(generate())
     assert set(generate()) == {path.name for path in SCHEMAS.glob("*.json")}
     for name, text in generate().items():
         assert json.loads((SCHEMAS / name).read_text(encoding="utf-8")) == json.loads(text), name

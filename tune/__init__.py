@@ -39,6 +39,7 @@ if TYPE_CHECKING:  # what checkers of types take for true
         what_if,
     )
     from tune.optimisation.calibration import calibrate
+    from tune.optimisation.study import study
     from tune.presentation.pictures import profile_picture, profile_sheet, region_picture
     from tune.rendering import (
         count_jump,
@@ -99,6 +100,7 @@ __all__ = [
     "region_picture",
     "safe_gain",
     "stable_gains",
+    "study",
     "verdict",
     "verify",
     "what_if",
@@ -118,6 +120,7 @@ _HOMES = {
     "margins": "LoopMargins margins_of",
     "optimisation": "Alternative candidates compare_candidates optimise what_if",
     "optimisation.calibration": "calibrate",
+    "optimisation.study": "study",
     "presentation.pictures": "profile_picture profile_sheet region_picture",
     "rendering": "count_jump force_ripple",
     "stability.criterion": "Passivity damping_needed",

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from tune.cli import judging, logs, preparation, profiles
+from tune.cli import fleet, judging, logs, preparation, profiles
 from tune.cli.process import ignore_signals
-from tune.cli.session import Exit, Session, finish_interrupted
+from tune.cli.session import Session, finish_interrupted
+from tune.documents import Exit
 
 #: What every complaint about options and arguments derives from; typer does not export it.
 _USAGE_ERROR: type[Exception] = typer.BadParameter.__bases__[0]
@@ -63,6 +64,7 @@ _EXAMPLES = {
     "identify": "log.csv --hardware hardware.yaml",
     "tune": "device.yaml scene.yaml",
     "calibrate": "log.csv --scene scene.yaml --hardware hardware.yaml",
+    "fleet": "manifest.csv --scene scene.yaml -o fleet",
     "audit": "homerehab --stiffness 800",
     "check": "profile.yaml",
     "verify": "profile.yaml played.csv",
@@ -80,6 +82,7 @@ for _name, _command, _summary in (
     ("identify", logs.identify_command, "Logs to device.yaml."),
     ("tune", profiles.tune_command, "Device and scene to profile.yaml."),
     ("calibrate", profiles.calibrate_command, "Logs and scene to profile.yaml: the main job."),
+    ("fleet", fleet.fleet_command, "Many devices: a profile each, a table, a page."),
     ("audit", judging.audit_command, "Are these gains safe on a device, and if not, why."),
     ("check", judging.check_command, "Re-compute a profile by another path."),
     ("verify", judging.verify_command, "A low-gain log of the device against its profile."),

@@ -263,11 +263,11 @@ def compare_command(
     session.say(table)
     session.draw(picture, lambda: ident.devices_picture(devices))
     if output is not None:
-        from tune.presentation.page import comparison_html
+        from tune.presentation.page import summary_html
 
-        title = f"{old} and {names[-1]}"
-        drawn = ident.devices_picture(devices)
-        session.store(output, comparison_html(title, verdicts, table, drawn).encode())
+        title, drawn = f"{old} and {names[-1]}", ident.devices_picture(devices)
+        words = "Each device with its 95 % intervals, the first at the top."
+        session.store(output, summary_html(title, verdicts, [table], drawn, words).encode())
     if found.failures:
         raise CheckFailedError((f"{verdicts[0]}. Tune again for it", *found.failures))
 

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
-from enum import IntEnum
 from functools import cache, wraps
 from pathlib import Path
 from time import monotonic
@@ -23,7 +22,6 @@ from typer.models import ArgumentInfo
 
 import identification as ident
 from identification import (
-    InvalidInputError,
     LogRefusedError,
     Method,
     NotWrittenError,
@@ -38,26 +36,12 @@ from tune.cli.process import (
     was_interrupted,
     wrap_text,
 )
-from tune.documents import CheckFailedError, LoopError, NoFeasibleEffectError
+from tune.documents import CheckFailedError, Exit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from identification import Finding, LogColumns, Replaced
-
-
-class Exit(IntEnum):
-    """Exit codes of the contract; their names are the words for them in JSON results."""
-
-    DONE = 0
-    INTERNAL_ERROR = 1
-    USAGE = 2
-    INVALID_INPUT = 3
-    LOG_REFUSED = 4
-    NO_FEASIBLE_EFFECT = 5
-    CHECK_FAILED = 6
-    NOT_WRITTEN = 7
-    INTERRUPTED = 130  # whichever signal it was: callers have one code to know
 
 
 #: Columns where no terminal says how wide it is: tables are as wide as they need to be.
@@ -341,15 +325,9 @@ def _end_failed(session: Session, error: BaseException) -> int:
         return session.finish(Exit.CHECK_FAILED, "\n".join(("check failed", *error.failures)))
     if isinstance(error, UnstatedError):
         session.details["missing"] = [asdict(fact) for fact in error.missing]
-    for kind, code in (
-        (UsageError, Exit.USAGE),
-        (InvalidInputError, Exit.INVALID_INPUT),
-        (LoopError, Exit.INVALID_INPUT),
-        (NoFeasibleEffectError, Exit.NO_FEASIBLE_EFFECT),
-        (CheckFailedError, Exit.CHECK_FAILED),
-    ):
-        if isinstance(error, kind):
-            return session.finish(code, str(error))
+    code = Exit.of(error)
+    if code is not Exit.INTERNAL_ERROR:
+        return session.finish(code, str(error))
     seen = f"{type(error).__name__}: {error}; {session.files_written()}"
     words = f"internal error: {seen}. Please report it with the command and the files"
     return session.finish(Exit.INTERNAL_ERROR, words)

@@ -2,10 +2,42 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from identification import Document
+
+
+class Exit(IntEnum):
+    """Exit codes of the contract; their names are the words for them in JSON results."""
+
+    DONE = 0
+    INTERNAL_ERROR = 1
+    USAGE = 2
+    INVALID_INPUT = 3
+    LOG_REFUSED = 4
+    NO_FEASIBLE_EFFECT = 5
+    CHECK_FAILED = 6
+    NOT_WRITTEN = 7
+    INTERRUPTED = 130  # whichever signal it was: callers have one code to know
+
+    @classmethod
+    def of(cls, error: BaseException) -> Exit:
+        """What a command ends with for an error: an internal one if nothing foresaw it."""
+        from identification import InvalidInputError, LogRefusedError, NotWrittenError, UsageError
+
+        codes: dict[type[BaseException], Exit] = {
+            UsageError: cls.USAGE,
+            InvalidInputError: cls.INVALID_INPUT,
+            LoopError: cls.INVALID_INPUT,
+            LogRefusedError: cls.LOG_REFUSED,
+            NoFeasibleEffectError: cls.NO_FEASIBLE_EFFECT,
+            CheckFailedError: cls.CHECK_FAILED,
+            NotWrittenError: cls.NOT_WRITTEN,
+        }
+        found = (code for kind, code in codes.items() if isinstance(error, kind))
+        return getattr(error, "exit_code", None) or next(found, cls.INTERNAL_ERROR)
 
 
 class TuneError(Exception):

@@ -127,6 +127,18 @@ class CalibrateDetails(IdentifyDetails, TuneDetails, total=False):
     """
 
 
+class FleetDetails(Details, total=False):
+    """Details of ``fleet``; ``rows`` are those of results.parquet, without what is null in all.
+
+    ``distance`` is null where more than half of the fleet are the same.
+    """
+
+    devices: int
+    done_before: int
+    unlike: list[dict[str, Any]]
+    rows: list[dict[str, Any]]
+
+
 class CheckDetails(TypedDict, total=False):
     """Details of ``check``: profile, certificate found anew, what is trusted or not checked."""
 
@@ -282,6 +294,7 @@ DETAILS: dict[str, type] = {
     "identify": IdentifyDetails,
     "tune": TuneDetails,
     "calibrate": CalibrateDetails,
+    "fleet": FleetDetails,
     "audit": AuditDetails,
     "check": CheckDetails,
     "verify": VerifyDetails,

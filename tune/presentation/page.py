@@ -67,11 +67,12 @@ def report_html(
     )
 
 
-def comparison_html(title: str, verdicts: Sequence[str], table: Table, figure: Figure) -> str:
-    """The page of a comparison: its verdicts, what changed, and the devices in one picture."""
-    words = "Each device with its 95 % intervals, the first at the top."
-    page = {"title": title, "table": _table(table), "picture": _picture(words, figure)}
-    return _rendered("comparison.html", page=page, verdicts=verdicts)
+def summary_html(
+    title: str, verdicts: Sequence[str], tables: Sequence[Table], figure: Figure, words: str
+) -> str:
+    """A page of verdicts, the tables behind them, and one picture with what it shows in words."""
+    page = {"title": title, "tables": map(_table, tables), "picture": _picture(words, figure)}
+    return _rendered("summary.html", page=page, verdicts=verdicts)
 
 
 def _rendered(name: str, **values: object) -> str:

@@ -14,6 +14,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from identification import Device, Document, ExcitationSpec, Hardware
+from tune.documents.manifest import Manifest
 from tune.documents.perception import PerceptionTable
 from tune.documents.profile import SafeProfile
 from tune.documents.results import DETAILS, Result
@@ -26,6 +27,7 @@ _MODELS: dict[str, type[Document]] = {
     "hardware": Hardware,
     "device": Device,
     "scene": Scene,
+    "manifest": Manifest,
     "excitation": ExcitationSpec,
     "perception": PerceptionTable,
     "profile": SafeProfile,

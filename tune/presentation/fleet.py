@@ -1,0 +1,225 @@
+"""A fleet at a glance: how its devices are spread, and which of them is not like the others.
+
+The others are told by their median and by the median of the distances from it, scaled to the
+standard deviation of a normal distribution (P. J. Rousseeuw and C. Croux, "Alternatives to the
+median absolute deviation", 1993), which up to half of them cannot move however far they lie. A
+device is unlike them where all of its 95 % interval lies further away than any device does, but in
+two to five of a hundred normal fleets that are alike in truth: by Student's t, because the spread
+of few is not well known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tune.documents.scene import EFFECT_NAMES, UNITS
+from tune.optimisation.study import QUANTITIES
+from tune.presentation.tables import four_digits, headed_table
+
+if TYPE_CHECKING:
+    import polars
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+FloatArray = NDArray[np.float64]
+
+#: Devices from which it is said that one is not like the others.
+FEWEST = 5
+#: The part of fleets alike in truth that may have a device far above the others; as many below.
+_BY_CHANCE = 0.025
+#: The median distance from the median in normal standard deviations.
+_MEDIAN_DISTANCE = NormalDist().inv_cdf(0.75)
+#: Rows of a table on the page; the Parquet file has all.
+_MOST_ROWS = 200
+#: Devices named in one part of the picture, and their colour.
+_MOST_NAMED, _UNLIKE = 5, "#D55E00"
+_WIDTH, _HEIGHT, _COLUMNS = 11.0, 2.1, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unlike:
+    """A device one quantity of which is not like that of the others, beyond its interval.
+
+    Attributes:
+        device: its name.
+        quantity: its column.
+        value, low, high: with the 95 % interval, SI units.
+        median: of the fleet.
+        spread: of the fleet, as a standard deviation.
+        distance: of the nearer end of the interval from the median, in spreads; inf where more
+            than half of the fleet are the same.
+    """
+
+    device: str
+    quantity: str
+    value: float
+    low: float
+    high: float
+    median: float
+    spread: float
+    distance: float
+
+
+def unlike_others(frame: polars.DataFrame) -> tuple[Unlike, ...]:
+    """Devices that are not like the others of their axis, the furthest first; of few, none."""
+    axes = frame.drop_nulls("motion").partition_by("axis", "motion")
+    found = [each for axis in axes for name in QUANTITIES for each in _unlike(axis, name)]
+    return tuple(sorted(found, key=lambda each: -each.distance))
+
+
+def _unlike(frame: polars.DataFrame, name: str) -> Iterator[Unlike]:
+    from scipy.special import stdtrit
+
+    value, low, high = (frame[each].to_numpy() for each in (name, f"{name}_low", f"{name}_high"))
+    if len(value) < FEWEST:
+        return
+    median, spread = _middle(value)
+    beyond = np.maximum(np.maximum(low - median, median - high), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.nan_to_num(beyond / spread, nan=0.0, posinf=np.inf)
+    # This distance is known as well as a standard deviation of half as many is.
+    most = stdtrit((len(value) - 1) / 2, 1 - _BY_CHANCE / len(value))
+    for place in np.flatnonzero(distance > most):
+        yield Unlike(
+            device=frame["name"][int(place)],
+            quantity=name,
+            value=float(value[place]),
+            low=float(low[place]),
+            high=float(high[place]),
+            median=median,
+            spread=spread,
+            distance=float(distance[place]),
+        )
+
+
+def _middle(value: FloatArray) -> tuple[float, float]:
+    """(median, spread) of the middle half."""
+    median = float(np.median(value))
+    return median, float(np.median(np.abs(value - median))) / _MEDIAN_DISTANCE
+
+
+def fleet_verdicts(frame: polars.DataFrame, unlike: tuple[Unlike, ...]) -> tuple[str, ...]:
+    """How many devices have a profile, and how many are not like the others."""
+    refused = frame.filter(frame["exit_code"] != 0)
+    several = "" if len(frame) == 1 else "s"
+    first = f"{len(frame) - len(refused)} of {len(frame)} device{several} tuned and proved safe"
+    first += f"; {len(refused)} refused, and without a profile" if len(refused) else ""
+    named = sorted({each.device for each in unlike})
+    if not named:
+        return (first,)
+    words = ", ".join(named[:8]) + (f" and {len(named) - 8} more" if len(named) > 8 else "")
+    return first, f"{len(named)} not like the others: {words}"
+
+
+def unlike_table(unlike: tuple[Unlike, ...]) -> Table:
+    """What is not like the others of a fleet."""
+    numbers = ("value", "low", "high", "median", "distance")
+    table = headed_table(
+        "not like the others",
+        ("device", "quantity", *numbers),
+        right=numbers,
+        caption="distance: of the nearer end of the 95 % interval from the median, in standard "
+        "deviations of the fleet",
+    )
+    for each in unlike[:_MOST_ROWS]:
+        middle = (each.value, each.low, each.high, each.median)
+        distance = "all others alike" if np.isinf(each.distance) else f"{each.distance:.1f}"
+        table.add_row(each.device, _words(each.quantity), *map(four_digits, middle), distance)
+    return table
+
+
+def refused_table(frame: polars.DataFrame) -> Table:
+    """Devices that have no profile, and why."""
+    table = headed_table("refused", ("device", "exit code", "why"), right=("exit code",))
+    refused = frame.filter(frame["exit_code"] != 0).head(_MOST_ROWS)
+    for name, code, why in refused.select("name", "exit_code", "sentence").iter_rows():
+        table.add_row(name, str(code), why)
+    return table
+
+
+def _spread_table(frame: polars.DataFrame) -> Table:
+    """Every quantity over the fleet."""
+    numbers = ("devices", "least", "median", "most", "spread")
+    table = headed_table(
+        "over the fleet",
+        ("quantity", *numbers),
+        right=numbers,
+        caption="spread: of the middle half, as a standard deviation; SI units",
+    )
+    for name in _shown(frame):
+        value = frame[name].drop_nulls().to_numpy()
+        median, spread = _middle(value)
+        told = (four_digits(each) for each in (value.min(), median, value.max(), spread))
+        table.add_row(_words(name), str(len(value)), *told)
+    return table
+
+
+def _shown(frame: polars.DataFrame) -> list[str]:
+    """Columns that are told by their distribution: the device's quantities and every effect."""
+    parted = {name: name.rpartition(".") for name in frame.columns}
+    effects = (name for name, (of, _, last) in parted.items() if of and last in EFFECT_NAMES)
+    return [
+        name
+        for name in (*QUANTITIES, *effects)
+        if name in frame.columns and frame[name].null_count() < len(frame)
+    ]
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _unit(frame: polars.DataFrame, name: str) -> str:
+    """The unit of a quantity, where all devices move in one way."""
+    motions = frame["motion"].drop_nulls().unique()
+    if len(motions) != 1:
+        return ""
+    units = UNITS[motions[0]] | {"delay": "s"}
+    kind = {"coulomb_friction": "force", "force_offset": "force"}.get(name, name.rpartition(".")[2])
+    return f", {units[kind]}"
+
+
+def fleet_picture(frame: polars.DataFrame, unlike: tuple[Unlike, ...]) -> Figure:
+    """A histogram of each quantity and effect; devices not like the others are marked by name."""
+    from identification import NotebookFigure
+
+    names = [name for name in _shown(frame) if frame[name].drop_nulls().n_unique() > 1]
+    rows = max(1, -(-len(names) // _COLUMNS))
+    figure = NotebookFigure(figsize=(_WIDTH, _HEIGHT * rows), layout="constrained")
+    axes: Any = figure.subplots(rows, _COLUMNS, squeeze=False)
+    for axis, name in zip(axes.flat, names, strict=False):
+        value = frame[name].drop_nulls().to_numpy()
+        axis.hist(value, bins=min(40, max(5, int(np.sqrt(len(value))))), color="#0072B2")
+        top = axis.get_xaxis_transform()
+        for each in [each for each in unlike if each.quantity == name][:_MOST_NAMED]:
+            axis.axvspan(each.low, each.high, color=_UNLIKE)
+            place = {"transform": top, "rotation": 90, "va": "top", "ha": "right"}
+            axis.text(each.low, 0.97, each.device, color=_UNLIKE, fontsize=7, **place)
+        axis.set_xlabel(_words(name) + _unit(frame, name), fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.yaxis.get_major_locator().set_params(integer=True)
+    for axis in axes.flat[len(names) :]:
+        axis.set_axis_off()
+    return figure
+
+
+def fleet_html(title: str, frame: polars.DataFrame, unlike: tuple[Unlike, ...]) -> str:
+    """The page of a fleet, complete in itself."""
+    from tune.presentation.page import summary_html
+
+    tables = [_spread_table(frame)]
+    tables[:0] = [unlike_table(unlike)] if unlike else []
+    tables += [refused_table(frame)] if frame["exit_code"].max() else []
+    return summary_html(
+        title,
+        fleet_verdicts(frame, unlike),
+        tables,
+        fleet_picture(frame, unlike),
+        "How many devices have each value; what is not like the others with its 95 % interval.",
+    )

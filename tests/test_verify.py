@@ -18,7 +18,6 @@ from tests.reference import crossings, reference_loop, stable_by_jury
 from tests.thinned import thinned
 from tune import Scene, Verification, optimise, verify
 from tune.documents.profile import Design
-from tune.verification import verification_picture
 
 T = 0.001
 Sizes = tuple[float, float, float]
@@ -307,13 +306,6 @@ def test_the_command_compares_draws_and_ends_with_its_code(
     assert haptune("verify", "profile.yaml", "good.csv", "--force", "torque").code == 3
 
 
-def test_the_picture_shows_the_envelope_only_where_one_is_predicted() -> None:
-    for bench, element, gain, envelope in ((STYLUS, "wall", 0.5, 2), (STYLUS, "gel", 0.5, 0)):
-        seen = verify(bench.profile, bench.log(element, gain))
-        axes = verification_picture(bench.profile, seen).get_axes()
-        assert len(axes[0].collections) == envelope
-
-
 ELEMENTS = {"rubber": (1400.0, 0.0, 0.0), "wall": (1155.0, 82.0, 0.0), "cup": (0.0, 0.0, 1.44)}
 BENCH = Bench(
     mass=3.0,
@@ -469,11 +461,6 @@ def test_a_missing_filter_is_named(name: str) -> None:
                 {"velocity_filter_order": 2},
                 "velocity is filtered at 50 Hz and order 2 instead of 1",
             ),
-            (
-                {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
-                "velocity is taken over a window of 15 sample(s)",
-            ),
-            ({"velocity_filter_hz": 30.0, "acceleration_filter_hz": 50.0}, "are exchanged"),
             (
                 {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
                 "velocity and acceleration are not filtered",

@@ -1,7 +1,7 @@
 """The one verb: does a low-gain closed-loop log behave as its profile predicts? And its picture.
 
 Clock and encoder of the log, the law, free motion and delay in their own files, and the force
-ripple of the encoder against the closed form, above the band of motion.
+ripple of the encoder against the closed form, in differences that leave nothing of the motion.
 """
 
 # matplotlib types its keyword arguments only in part.
@@ -24,10 +24,11 @@ from tune.documents.scene import UNITS, Effects
 from tune.loop.loop import Loop, filters_of
 from tune.loop.polynomials import value_at
 from tune.rendering import law_numerator
-from tune.verification.advice import Advice, advise
 from tune.verification.delay import (
+    Advice,
     Kept,
     MeasuredDelay,
+    advise,
     judge_delay,
     margins_of_others,
     unknown_delay,
@@ -43,7 +44,7 @@ from tune.verification.law import (
     unassessed_outcome,
 )
 from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
-from tune.verification.motion import MeasuredMotion, binding_stiffness, judge_motion
+from tune.verification.motion import MeasuredMotion, judge_motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,20 +86,13 @@ _NEEDED = {
     "delay": "the margin of the profile at every delay the log allows",
 }
 
-#: The band begins at this many times the frequency of the motion, where nothing of it is left.
-_ABOVE_MOTION = 30.0
-#: And not below this part of Nyquist, where it ends; it must be at least that part of it.
-_LOWEST_EDGE, _NARROWEST = 0.03, 0.5
-#: Order of the Butterworth filter, run forwards and backwards.
-_ORDER = 4
+#: Part of Nyquist up to which the differences leave nothing of the motion, and their order.
+_SLOW_MOTION, _ORDER = 1 / 60, 4
 #: Counts a sample: slower, the rounding error is no white noise (docs/theory.md, 6).
 _SLOWEST = 0.5
-#: Rows in motion that are needed; periods of the band's edge left out around a turn, at which
-#: friction jumps, and at the ends: within them what the filter makes of a jump falls below 1e-4.
-_FEWEST_ROWS, _MARGIN = 100, 4.0
-#: Time constants in which the other modes of the loop fall as far.
-_RUNG = 9.0
-#: Places on the upper half of the unit circle for the ripple of the band.
+#: Rows in motion that are needed.
+_FEWEST_ROWS = 100
+#: Places on the upper half of the unit circle for the ripple.
 _PLACES = 4096
 #: Seen against predicted, either way.
 _RIPPLE_TOLERANCE = 0.25
@@ -230,7 +224,8 @@ def verify(
             )
             rest = (*motion.outcomes, _ripple(profile, trajectory, law.loop, law.effects, motion))
             if law.outcomes[0].verdict == "agrees":
-                log = Log(force=trajectory.force, position=trajectory.position, used=law.used)
+                force, position = trajectory.force, trajectory.position
+                log = Log(loop=profile.loop, force=force, position=position, used=law.used)
                 cutoffs = measured_cutoffs(log, law.loop, law.effects)
                 delay = judge_delay(
                     profile, law.loop, law.elements, law.effects, motion.mode, cutoffs
@@ -346,67 +341,47 @@ def _ripple(
     effects: Effects,
     motion: MeasuredMotion,
 ) -> Outcome:
-    """The high-frequency part of the force while the handle moves freely, seen and predicted."""
-    from scipy.signal import butter, sosfiltfilt, sosfreqz
-
+    """The ripple of the force while the handle moves freely, seen in differences, and predicted."""
     release, measured, known = motion.release, motion.measured, profile.device.encoder_resolution
     if release is None or measured is None or known is None:
         moves = release is not None and measured is not None
         why = "the encoder resolution is not known" if moves else "no free motion is seen"
         return unassessed_outcome("ripple", why)
-    free = slice(release.first, release.end)
-    force, position = trajectory.force[free], trajectory.position[free]
-    nominal = motion.prediction.nominal
-    motion_hertz = max(nominal.natural / (2 * np.pi), measured.frequency)
-    force_digit = decimal_digit(trajectory.force)
-    resolution, sample_time = known.value, _step(trajectory)
-    unit = UNITS[profile.device.motion]["force"]
-    nyquist = 0.5 / sample_time
-    edge = max(_ABOVE_MOTION * motion_hertz, _LOWEST_EDGE * nyquist)
-    if edge > (1 - _NARROWEST) * nyquist:
+    force = trajectory.force[release.first : release.end]
+    position = trajectory.position[release.first : release.end]
+    motion_hertz = max(motion.prediction.nominal.natural / (2 * np.pi), measured.frequency)
+    if motion_hertz > _SLOW_MOTION * 0.5 / _step(trajectory):
         why = f"the motion reaches {motion_hertz:.3g} Hz, no band is above"
         return unassessed_outcome("ripple", why, reached_hz=motion_hertz)
-    # The slowest other mode rings when friction turns.
-    spare = int(max(_MARGIN / edge, _RUNG / nominal.next_decay) / sample_time) + 1
-    if force.size < 2 * spare + _FEWEST_ROWS:
-        why = f"the handle moves freely for {force.size} rows only"
-        return unassessed_outcome("ripple", why, rows=force.size)
-    sections = butter(_ORDER, edge / nyquist, "highpass", output="sos")
+    unit, resolution = UNITS[profile.device.motion]["force"], known.value
     turn = (np.arange(_PLACES) + 0.5) * np.pi / _PLACES
-    _, answer = sosfreqz(sections, turn)
-    weight = np.abs(np.asarray(answer)) ** 4  # forwards and backwards
     built = Loop.from_parts(profile.device, filters_of(loop))
-    power = _force_per_position(built, effects, turn) ** 2
-    predicted = resolution * float(np.sqrt(np.mean(power * weight) / 12))
-    if predicted < force_digit:
+    power = (_force_per_position(built, effects, turn) * resolution) ** 2 / 12
+    weight = (2 * np.sin(turn / 2)) ** (2 * _ORDER)
+    predicted, of_differences = (float(np.sqrt(np.mean(power * each))) for each in (1.0, weight))
+    force_digit = decimal_digit(trajectory.force)
+    if of_differences < force_digit * np.sqrt(np.mean(weight)):
         return unassessed_outcome(
             "ripple",
             f"{predicted:.2g} {unit} are predicted, the force is logged to {force_digit:g}",
             predicted=predicted,
             force_digit=force_digit,
         )
-    smooth = position - np.asarray(sosfiltfilt(sections, position))
-    moving = np.abs(np.gradient(smooth)) > _SLOWEST * resolution
-    still = np.flatnonzero(~moving)
-    for row in (*still.tolist(), *(turn - release.first for turn in release.turns)):
-        moving[max(0, row - spare) : row + spare] = False
-    moving[:spare] = moving[-spare:] = False
+    moving = np.abs(position[_ORDER:] - position[:-_ORDER]) > _ORDER * _SLOWEST * resolution
     count = int(np.count_nonzero(moving))
     if count < _FEWEST_ROWS:
         why = f"the handle moves by half a count a sample or more for {count} rows only"
         return unassessed_outcome("ripple", why, rows=count)
-    rapid = np.asarray(sosfiltfilt(sections, force), dtype=np.float64)[moving]
-    seen = rms(rapid)
+    seen = predicted * rms(np.diff(force, _ORDER)[moving]) / of_differences
     agrees = 1 / (1 + _RIPPLE_TOLERANCE) <= seen / predicted <= 1 + _RIPPLE_TOLERANCE
     return Outcome(
         check="ripple",
         verdict="agrees" if agrees else "disagrees",
-        seen=f"{seen:.3g} {unit} rms above {edge:.3g} Hz over {count} rows in motion",
-        predicted=f"{predicted:.3g} {unit} rms in that band",
+        seen=f"{seen:.3g} {unit} rms over {count} rows in motion",
+        predicted=f"{predicted:.3g} {unit} rms",
         tolerance=f"{_RIPPLE_TOLERANCE:.0%}",
         numbers={
             "seen": seen,
-            "above_hz": edge,
             "rows": count,
             "predicted": predicted,
             "tolerance": _RIPPLE_TOLERANCE,
@@ -428,13 +403,13 @@ def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> Float
 
 
 def verification_picture(profile: Design, seen: Verification) -> Figure:
-    """Motion in its predicted envelope, force beside its law, what the law leaves; verdicts."""
+    """Motion and the mode fitted to it, force beside its law, what the law leaves; verdicts."""
     from identification import NotebookFigure, legend_above
 
     figure = NotebookFigure(figsize=_INCHES, layout="constrained")
     above, below, left = figure.subplots(3, 1, sharex=True)
     units = UNITS[profile.device.motion]
-    _motion(above, profile, seen)
+    _motion(above, seen)
     above.set_ylabel(f"position, {units['length']}")
     time, said = seen.trajectory.time, "law of the profile on the logged positions"
     below.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
@@ -463,7 +438,7 @@ def _residual(axes: Axes, seen: Verification) -> None:
         axes.set_ylim(-most, most)
 
 
-def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
+def _motion(axes: Axes, seen: Verification) -> None:
     trajectory, motion = seen.trajectory, seen.motion
     axes.plot(trajectory.time, trajectory.position, color="0.5", lw=2, label="logged")
     if motion is None or motion.measured is None:
@@ -472,53 +447,3 @@ def _motion(axes: Axes, profile: Design, seen: Verification) -> None:
     axes.plot(
         trajectory.time[measured.rows], measured.fitted, color="#E69F00", lw=0.8, label="fitted"
     )
-    prediction, effects = motion.prediction, seen.law.effects
-    if motion.release is None or effects is None or not measured.frequency:
-        return
-    free = slice(motion.release.first, motion.release.end)
-    since = trajectory.time[free] - trajectory.time[motion.release.first]
-    rest = trajectory.position[motion.release.first] - motion.release.deviation
-    friction = profile.device.coulomb_friction
-    stiffness = binding_stiffness(profile.device, effects)
-    start = abs(motion.release.deviation)
-    wide, narrow = (
-        _envelope(start, decay, each / stiffness, frequency, since)
-        for decay, each, frequency in zip(
-            prediction.decay, (friction.low, friction.high), prediction.frequency, strict=True
-        )
-    )
-    nominal = prediction.nominal
-    axes.plot(
-        trajectory.time[free],
-        rest
-        + np.sign(motion.release.deviation)
-        * _envelope(start, nominal.decay, friction.value / stiffness, nominal.frequency, since)
-        * np.cos(2 * np.pi * nominal.frequency * since),
-        color="#009E73",
-        lw=0.8,
-        ls="--",
-        label="predicted at best",
-    )
-    for side in (1, -1):
-        axes.fill_between(
-            trajectory.time[free],
-            rest + side * narrow,
-            rest + side * wide,
-            color="#009E73",
-            alpha=0.4,
-            lw=0.8,
-            label="predicted envelope" if side > 0 else None,
-        )
-
-
-def _envelope(
-    start: float, decay: float, held: float, frequency: float, since: FloatArray
-) -> FloatArray:
-    """Amplitude with exponential decay and Coulomb friction, which takes 2·x_f a half-cycle, m.
-
-    A' = -decay·A - 4·f·x_f, until nothing is left.
-    """
-    rate = 4 * frequency * held
-    if decay == 0:
-        return np.maximum(start - rate * since, 0.0)
-    return np.maximum((start + rate / decay) * np.exp(-decay * since) - rate / decay, 0.0)

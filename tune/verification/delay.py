@@ -5,21 +5,27 @@ K·q, so one log at one gain tells b - K·d and never d alone. What it tells is 
 (m, b, k, d), m, b and the device's own stiffness k within its box, whose slow mode is the measured
 one. The range of d in it is the interval of the delay; and as each d comes with its own m, b and k,
 the set says more of other gains than that interval beside the box.
+
+What to play so that a log tells is found by trial, the least gain first: what the log would show of
+the mode, the loops it would allow, and the margin on them, as a verification does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device
+from identification import Device, quantity
+from tune.certificate.certify import refuse_unbalanced
+from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import Effects, Hand
-from tune.loop.loop import Filters, Loop, used_filters
+from tune.documents.scene import DEFAULT_MOTION, Effects, Hand
+from tune.loop.loop import Filters, Loop, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import companion_roots
 from tune.stability.verdict import safe_up_to
@@ -32,9 +38,16 @@ from tune.verification.law import (
     combination_in_words,
     combinations_of,
     effects_of,
+    scale_effects,
     unassessed_outcome,
 )
-from tune.verification.motion import MeasuredMode
+from tune.verification.motion import (
+    DECAY_TOLERANCE,
+    MeasuredMode,
+    Prediction,
+    binding_stiffness,
+    predict,
+)
 
 FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
@@ -85,44 +98,49 @@ class ConsistentLoops:
         return bool(np.any((self.delay_samples >= low) & (self.delay_samples <= high)))
 
 
-class Modes:
-    """The slow mode under some effects, of any loop of a device's box and of any delay."""
+def consistent_loops(
+    device: Device,
+    filters: Filters,
+    effects: Effects,
+    seen: Iterable[MeasuredMode],
+    *,
+    extra: float,
+    step: float = 0.5,
+) -> tuple[ConsistentLoops, ...]:
+    """The loops whose slow mode is the one seen, for each: of the device's box, of any delay.
 
-    def __init__(
-        self, device: Device, filters: Filters, effects: Effects, *, extra: float, step: float = 0.5
-    ) -> None:
-        """Computes it at the knots, for effects as played.
-
-        So many ``extra`` samples of delay are to be judged beyond; ``step`` between delays.
-        """
-        box, T = device.simultaneous_box(), device.sample_time.value
-        stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
-        most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
-        delays = np.unique([*np.arange(0, most + step / 2, step), *stated, device.delay.value / T])
-        masses, slopes = np.log(box.mass), _places(box.position_stiffness, _STIFFNESSES)
-        self._places = delays, _places(masses, _MASSES), _places(box.damping, _DAMPINGS), slopes
-        knots = _places(masses, _KNOTS), _places(box.damping, _KNOTS)
-        self._knots = np.arange(most + 1), *knots, slopes
-        self._values = _mode(device, filters, effects, self._knots)
-        self.most, self.stated = most, stated
-
-    def allow(self, seen: MeasuredMode) -> ConsistentLoops:
-        """The loops whose slow mode is the one seen."""
-        grid = np.meshgrid(*self._places, indexing="ij")
+    Effects are as played. So many ``extra`` samples of delay are to be judged beyond; ``step``
+    between delays.
+    """
+    box, T = device.simultaneous_box(), device.sample_time.value
+    stated = box.delay[0] / box.sample_time[1], box.delay[1] / box.sample_time[0]
+    most = min(LONGEST_DELAY - extra, max(_MOST_SAMPLES, float(np.ceil(stated[1]))))
+    delays = np.unique([*np.arange(0, most + step / 2, step), *stated, device.delay.value / T])
+    masses, slopes = np.log(box.mass), _places(box.position_stiffness, _STIFFNESSES)
+    places = delays, _places(masses, _MASSES), _places(box.damping, _DAMPINGS), slopes
+    knots = np.arange(most + 1), _places(masses, _KNOTS), _places(box.damping, _KNOTS), slopes
+    between = [
+        _interpolated(knots, each, places) for each in _mode(device, filters, effects, knots)
+    ]
+    grid = np.meshgrid(*places, indexing="ij")
+    found: list[ConsistentLoops] = []
+    for mode in seen:
         inside = np.ones(grid[0].shape, dtype=np.bool_)
-        for values, wanted in zip(self._values, (seen.frequency, seen.decay), strict=True):
+        for values, wanted in zip(between, (mode.frequency, mode.decay), strict=True):
             if wanted is not None:
-                between = _interpolated(self._knots, values, self._places)
-                reach = _reach(between)
-                inside &= (between + reach >= wanted[0]) & (between - reach <= wanted[1])
-        return ConsistentLoops(
-            mass=np.exp(grid[1][inside]),
-            damping=grid[2][inside],
-            position_stiffness=grid[3][inside],
-            delay_samples=grid[0][inside],
-            most=self.most,
-            stated=self.stated,
+                reach = _reach(values)
+                inside &= (values + reach >= wanted[0]) & (values - reach <= wanted[1])
+        found.append(
+            ConsistentLoops(
+                mass=np.exp(grid[1][inside]),
+                damping=grid[2][inside],
+                position_stiffness=grid[3][inside],
+                delay_samples=grid[0][inside],
+                most=most,
+                stated=stated,
+            )
         )
+    return tuple(found)
 
 
 def _mode(
@@ -176,21 +194,12 @@ def _interpolated(
     knots: tuple[FloatArray, ...], values: FloatArray, places: tuple[FloatArray, ...]
 ) -> FloatArray:
     """Values at all combinations of places, between the knots linear in each direction."""
+    from scipy.interpolate import make_interp_spline
+
     for axis, (known, wanted) in enumerate(zip(knots, places, strict=True)):
-        along = np.tensordot(_weights(known, wanted), values, axes=(1, axis))
-        values = np.moveaxis(along, 0, axis)
+        if known.size > 1:
+            values = make_interp_spline(known, values, k=1, axis=axis)(wanted)
     return values
-
-
-def _weights(knots: FloatArray, places: FloatArray) -> FloatArray:
-    """What each knot has in the value at each place, shape (places, knots); one knot has all."""
-    if knots.size == 1:
-        return np.ones((places.size, 1))
-    first = np.clip(np.searchsorted(knots, places) - 1, 0, knots.size - 2)
-    part = (places - knots[first]) / (knots[first + 1] - knots[first])
-    weights, rows = np.zeros((places.size, knots.size)), np.arange(places.size)
-    weights[rows, first], weights[rows, first + 1] = 1 - part, part
-    return weights
 
 
 def _places(ends: Range | FloatArray, count: int) -> FloatArray:
@@ -222,60 +231,31 @@ class Kept:
     lost_at: float | None
 
 
-class MarginJudge:
-    """Whether one combination keeps the margin of a profile, on any loops; what is known is kept.
+def judge_margin(
+    profile: Design, combination: Combination, filters: tuple[Filters, ...], loops: ConsistentLoops
+) -> Kept:
+    """Whether a combination keeps the margin of its profile on some loops, under all filters.
 
     Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
     margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
     each mass and own stiffness the least and the largest damping that is allowed are judged, at
     whole samples of delay and at the shortest and the longest delay.
     """
+    margin, effects = profile.margin, effects_of(profile, combination)
+    used = dict.fromkeys(used_filters(each, effects) for each in filters)
+    tasks = [(0.0, margin.gain), *((part * margin.extra_delay_samples, 1.0) for part in _PARTS)]
 
-    def __init__(self, profile: Design, combination: Combination) -> None:
-        """Takes a profile and elements felt together."""
-        margin = profile.margin
-        self._profile, self._combination = profile, combination
-        self._effects = effects_of(profile, combination)
-        self._hands = _hands_of(profile.hand)
-        self._tasks = [(0.0, margin.gain)]
-        self._tasks += [(part * margin.extra_delay_samples, 1.0) for part in _PARTS]
-        #: Gain up to which all of the loops were found stable, or the least at which they were not.
-        self._known: dict[tuple[object, ...], tuple[float, float]] = {}
-
-    def judge(self, filters: tuple[Filters, ...], allowed: ConsistentLoops) -> Kept:
-        """Judge all allowed loops, at the gain of the profile, under all filters."""
-        delays = _judged_delays(allowed)
-        lost = (delay for delay in delays if not self._keeps(filters, allowed, delay))
-        return Kept(elements=self._combination, lost_at=next(lost, None))
-
-    def keeps_all(self, filters: tuple[Filters, ...], allowed: ConsistentLoops) -> bool:
-        """Whether the margin is kept on every loop; the longest delays, likely lost, go first."""
-        delays = _judged_delays(allowed)[::-1]
-        return all(self._keeps(filters, allowed, delay) for delay in delays)
-
-    def _keeps(self, filters: tuple[Filters, ...], allowed: ConsistentLoops, delay: float) -> bool:
-        """Whether the margin is kept on every loop of one delay, samples."""
-        rigid = _extremes(allowed, delay)
-        used = dict.fromkeys(used_filters(each, self._effects) for each in filters)
-        return all(
-            self._stable(rigid, delay + further, each, hand, gain)
-            for each in used
-            for hand in self._hands
-            for further, gain in self._tasks
+    def keeps(delay: float) -> bool:
+        rigid = _extremes(loops, delay)
+        judged = product(used, _hands_of(profile.hand), tasks)
+        built = (
+            (_loops_over(profile.device, rigid, delay + further, each, hand), gain)
+            for each, hand, (further, gain) in judged
         )
+        return all(np.all(safe_up_to(loop, effects, gain)) for loop, gain in built)
 
-    def _stable(
-        self, rigid: _Rigid, delay: float, filters: Filters, hand: HandNumbers | None, gain: float
-    ) -> bool:
-        """Whether all loops of these masses, dampings and own stiffnesses are stable up to it."""
-        which = (*(part.tobytes() for part in rigid), delay, filters, hand)
-        up_to, not_at = self._known.get(which, (0.0, np.inf))
-        if up_to < gain < not_at:
-            loop = _loops_over(self._profile.device, rigid, delay, filters, hand)
-            stable = np.all(safe_up_to(loop, self._effects, gain))
-            up_to, not_at = (gain, not_at) if stable else (up_to, gain)
-            self._known[which] = up_to, not_at
-        return gain <= up_to
+    lost = (delay for delay in _judged_delays(loops) if not keeps(delay))
+    return Kept(elements=combination, lost_at=next(lost, None))
 
 
 def _hands_of(hand: Hand | None) -> tuple[HandNumbers | None, ...]:
@@ -337,8 +317,8 @@ def judge_delay(
         return unknown_delay("neither frequency nor decay of free motion is known")
     filters = allowed_filters(loop, cutoffs)
     extra = profile.margin.extra_delay_samples
-    allowed = Modes(profile.device, filters[0], effects, extra=extra).allow(mode)
-    kept = MarginJudge(profile, combination).judge(filters, allowed)
+    (allowed,) = consistent_loops(profile.device, filters[0], effects, [mode], extra=extra)
+    kept = judge_margin(profile, combination, filters, allowed)
     return MeasuredDelay(
         allowed=allowed, kept=kept, filters=filters, outcome=_outcome(profile, allowed, kept)
     )
@@ -356,7 +336,7 @@ def margins_of_others(
         say(
             f"what the log tells of {combination_in_words(combination)} ({number} of {len(others)})"
         )
-        found.append(MarginJudge(profile, combination).judge(seen.filters, seen.allowed))
+        found.append(judge_margin(profile, combination, seen.filters, seen.allowed))
     return tuple(found)
 
 
@@ -407,3 +387,243 @@ def _outcome(profile: Design, allowed: ConsistentLoops, kept: Kept) -> Outcome:
         remedy=remedy,
         numbers=numbers,
     )
+
+
+#: Gains that are tried, the least first.
+_GAINS = (0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
+#: Other elements that are tried where an element's own motion does not tell.
+_MOST_OTHERS = 5
+#: Half-width of the measured frequency and decay as they are usually found, relative.
+_USUAL_HALF = 0.02
+#: Planning looks at whole samples of delay.
+_STEP = 1.0
+
+#: Turning points that make a decay known, and how large a swing must be, part of the displacement.
+_TURNS, _CLEAR = 3, 0.03
+#: Half-cycles after which motion that hardly decays is logged no longer.
+_MOST_SWINGS = 40
+#: Displacements that are tried, in penetrations of the element.
+_DEEPER = (1.0, 2.0, 3.0, 4.0, 6.0)
+#: Time constants until motion without swings is over, and rest that is logged after it, s.
+_SETTLED, _REST = 5.0, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Play:
+    """One log to take.
+
+    Attributes:
+        elements: to play.
+        gain: to play them at.
+        displacement: from which to let go, m (rad); None where a push is needed.
+        speed: of the push, m/s (rad/s); None where a displacement is needed.
+        duration: to log, s.
+    """
+
+    elements: Combination
+    gain: float
+    displacement: float | None
+    speed: float | None
+    duration: float
+
+    def words(self, motion: str) -> str:
+        """An instruction, for a "linear" or "rotary" axis."""
+        length = "mm" if motion == "linear" else "mrad"
+        begin = (
+            f"let go {1e3 * self.displacement:.3g} {length} from rest"
+            if self.displacement is not None
+            else f"pushed to {self.speed:.3g} {'m' if motion == 'linear' else 'rad'}/s"
+        )
+        return (
+            f"play {combination_in_words(self.elements)} at gain {self.gain:g}, {begin}, "
+            f"for {self.duration:.3g} s"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advice:
+    """What to play for one combination.
+
+    Attributes:
+        elements: that are to be verified.
+        play: that tells; None where nothing does.
+        why: what is wrong with playing the combination itself; "" where that tells.
+    """
+
+    elements: Combination
+    play: Play | None
+    why: str
+
+    def words(self, motion: str) -> str:
+        """One or two sentences, for a "linear" or "rotary" axis."""
+        name = combination_in_words(self.elements)
+        if self.play is None:
+            return f"{name} cannot be verified: {self.why}; no other element tells its delay either"
+        if not self.why:
+            return self.play.words(motion)
+        return (
+            f"{name} itself does not tell: {self.why}; for the delay {self.play.words(motion)}, "
+            f"for law and filters {name}"
+        )
+
+
+def advise(
+    profile: Design,
+    targets: tuple[Combination, ...] | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> tuple[Advice, ...]:
+    """What to play for each combination: itself, else another element that tells of it.
+
+    Args:
+        profile: that is to be verified.
+        targets: combinations; None is every one that plays anything.
+        say: is told the combination that is looked at.
+
+    Raises:
+        CheckFailedError: a device that no effect can be certified on.
+    """
+    refuse_unbalanced(profile.device)
+    every = combinations_of(profile, None)
+    targets = every if targets is None else targets
+    # A spring tells a delay best.
+    singles = sorted(
+        (each for each in every if len(each) == 1),
+        key=lambda each: -profile.elements[each[0]].stiffness,
+    )
+    allowed = cache(partial(_allowed_loops, profile))
+    found: list[Advice] = []
+    for number, target in enumerate(targets, 1):
+        say(
+            f"looking for what tells of {combination_in_words(target)} ({number} of {len(targets)})"
+        )
+        play, why = _least_play(profile, [target], target, allowed)
+        if play is None:
+            others = [each for each in singles if each != target][:_MOST_OTHERS]
+            play, _ = _least_play(profile, others, target, allowed)
+        found.append(Advice(elements=target, play=play, why=why))
+    return tuple(found)
+
+
+def _least_play(
+    profile: Design,
+    players: Sequence[Combination],
+    target: Combination,
+    allowed: Callable[[Combination, float], tuple[ConsistentLoops, ...]],
+) -> tuple[Play | None, str]:
+    """(the play of least gain that tells of the target, why there is none).
+
+    One that would tell even with the least damping of the device's interval goes before.
+    """
+    why, likely = "", None
+    for gain, player in product(_GAINS, players):
+        try:
+            play, hindered = _plan_play(profile, player, gain)
+            if play is None:
+                why = why or hindered
+                continue
+            filters = (filters_of(profile.loop),)
+            kept = (
+                judge_margin(profile, target, filters, loops).lost_at is None
+                for loops in allowed(player, gain)
+            )
+            if next(kept):
+                if all(kept):
+                    return play, ""
+                likely = likely or play
+        except LoopError as error:
+            why = str(error)
+            continue
+        why = "delays that do not keep the margin look the same in its motion"
+    return likely, "" if likely is not None else why
+
+
+def _allowed_loops(
+    profile: Design, player: Combination, gain: float
+) -> tuple[ConsistentLoops, ...]:
+    """What a log would allow of the device at its best estimate, and with its least damping."""
+    device, effects = profile.device, scale_effects(effects_of(profile, player), gain)
+    least = device.model_copy(update={"damping": quantity(device.damping.low)})
+    devices = (device, least) if device.damping.low < device.damping.value else (device,)
+    seen = (_expected(predict(each, profile.loop, effects)) for each in devices)
+    extra = profile.margin.extra_delay_samples
+    filters = filters_of(profile.loop)
+    return consistent_loops(device, filters, effects, seen, extra=extra, step=_STEP)
+
+
+def _expected(prediction: Prediction) -> MeasuredMode:
+    """The mode as a log would show it."""
+    nominal = prediction.nominal
+    hertz = (prediction.frequency_tolerance + _USUAL_HALF) * nominal.frequency
+    slack = (DECAY_TOLERANCE + _USUAL_HALF) * nominal.decay
+    swings = nominal.frequency - hertz, nominal.frequency + hertz
+    return MeasuredMode(
+        frequency=swings if nominal.frequency else None,
+        decay=(nominal.decay - slack, nominal.decay + slack),
+    )
+
+
+def _plan_play(profile: Design, combination: Combination, gain: float) -> tuple[Play | None, str]:
+    """(a play of a combination at a gain that shows frequency or decay, why there is none)."""
+    effects = scale_effects(effects_of(profile, combination), gain)
+    prediction = predict(profile.device, profile.loop, effects)
+    if prediction.obstacle is not None:
+        return None, prediction.obstacle
+    motions = [profile.elements[name].motion for name in combination]
+    settled = _SETTLED / prediction.decay[0]
+    displacement = speed = None
+    stiffness = binding_stiffness(profile.device, effects)
+    if not stiffness:
+        speed = max(motion.speed for motion in motions)
+    else:
+        usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
+        deep = max(motion.penetration or usual for motion in motions)
+        displacement = _displacement(profile.device, effects, prediction, deep)
+        if displacement is None:
+            return None, "it comes to rest within a swing or two"
+        if prediction.frequency[0] > 0:
+            held = profile.device.coulomb_friction.low / stiffness
+            left = float(np.exp(-prediction.decay[0] / (2 * prediction.frequency[0])))
+            swings = len(_swings(displacement, left, held, _MOST_SWINGS))
+            settled = min(settled, 0.5 * (swings + 1) / prediction.frequency[0])
+    return Play(
+        elements=combination,
+        gain=gain,
+        displacement=displacement,
+        speed=speed,
+        duration=float(np.ceil(2 * (settled + _REST))) / 2,
+    ), ""
+
+
+def _displacement(
+    device: Device, effects: Effects, prediction: Prediction, deep: float
+) -> float | None:
+    """The least displacement with turning points enough, or with none to expect, m."""
+    virtual = 0.0 if effects.stiffness is None else float(np.asarray(effects.stiffness))
+    most = np.inf
+    if device.force_limit is not None and virtual:
+        most = device.force_limit.continuous / virtual
+    held = device.coulomb_friction.high / binding_stiffness(device, effects)
+    low, high = prediction.frequency
+    for start in (part * deep for part in _DEEPER):
+        if start > most:
+            break
+        if high == 0 and held < _CLEAR * start:
+            return start
+        if low > 0:
+            left = float(np.exp(-prediction.decay[1] / (2 * low)))
+            swings = _swings(start, left, held, _TURNS)
+            if len(swings) == _TURNS and swings[-1] > _CLEAR * start:
+                return start
+    return None
+
+
+def _swings(start: float, left: float, held: float, most: int) -> list[float]:
+    """Amplitudes after each half-cycle, from which friction takes twice what it holds, m."""
+    amplitudes: list[float] = []
+    amplitude = start
+    while len(amplitudes) < most:
+        amplitude = (amplitude - held) * left - held
+        if amplitude <= held:
+            break
+        amplitudes.append(amplitude)
+    return amplitudes

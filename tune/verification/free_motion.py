@@ -11,11 +11,11 @@ q̈ + σ·q̇ = constant.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
@@ -45,9 +45,8 @@ _BLOCKS, _STUDENT = 10, 2.262
 #: Damping ratios looked through; from the second on, the fast pole is beyond anything logged.
 _DAMPING_RATIOS = (-0.5, 30.0)
 
-#: What the position is a sum of for given nonlinear parameters: (columns with sizes to be found,
-#: shape (rows, count); what is known with its size, m, shape (rows,)).
-_Columns = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+#: What the position is a sum of for given nonlinear parameters, shape (rows, count).
+_Columns = Callable[[FloatArray], FloatArray]
 _BOUNDS = (np.array([-np.inf, _DAMPING_RATIOS[0]]), np.array([np.inf, _DAMPING_RATIOS[1]]))
 
 
@@ -58,8 +57,6 @@ class Release:
     first: int  # row at which it begins
     end: int  # row after its last one
     turns: tuple[int, ...]  # rows within at which the handle turns, ``first`` not among them
-    deviation: float  # of the first row from rest, m
-    clear: float  # smallest swing that is told from noise and counts, m
     grows: bool  # whether swing after swing grew until the log ends: there is no free decay
 
 
@@ -112,8 +109,6 @@ def find_release(position: FloatArray, first: int) -> Release | None:
         first=first + begin,
         end=first + end,
         turns=tuple(first + turn for turn in kept[1:]),
-        deviation=float(part[begin]) - rest,
-        clear=clear,
         grows=_grows(part, turns, start),
     )
 
@@ -166,45 +161,21 @@ def _decaying(position: FloatArray, turns: list[int]) -> list[int]:
 
 
 def measure_sprung(
-    position: FloatArray,
-    sample_time: float,
-    release: Release,
-    start: tuple[float, float],
-    known_friction: tuple[float, float, float],
+    position: FloatArray, sample_time: float, release: Release, start: tuple[float, float]
 ) -> FreeMotion:
     """Frequency and decay of motion about a spring; (ω₀, σ) to start with, rad/s and 1/s.
 
-    Friction is measured from the second turning point on. Before, nothing tells it from decay; what
-    is known of x_f, its value, low and high, m, is taken, and its range widens the intervals.
+    Friction is measured where the handle turns, which two turning points at least tell from decay.
     """
     rows = _rows(release.end - release.first)
-    measured = position[release.first : release.end][rows]
     if release.turns:
         half = float(np.diff([release.first, *release.turns]).mean()) * sample_time
         starts = [[np.log(np.pi / half), ratio] for ratio in (0.03, 0.3, 0.7)]
     else:
         starts = [[np.log(start[0]), start[1] / start[0]]]
-    measurable = len(release.turns) > 1
-    choices = (None,) if measurable else known_friction if release.turns else (0.0,)
-    built = [_sprung_columns(position, sample_time, release, rows, each) for each in choices]
-    fits = ((_solve(each, measured, np.array(at), _BOUNDS) for at in starts) for each in built)
-    best = [min(every, key=lambda fit: fit[1])[0] for every in fits]
-    columns, theta = built[0], best[0]
-    answers = np.array([_frequency_and_decay(each) for each in best])
-    halves = _half_widths(columns, measured, theta, _BOUNDS, _frequency_and_decay)
-    halves = halves + np.max(np.abs(answers - answers[0]), axis=0)
-    fitted, solution, misfit = _fitted(columns(theta), measured)
-    frequency, decay = (float(each) for each in answers[0])
-    return FreeMotion(
-        frequency=frequency,
-        frequency_half=float(halves[0]),
-        decay=decay,
-        decay_half=float(halves[1]),
-        friction=float(solution[3]) if measurable else None,
-        misfit=misfit,
-        fitted=fitted,
-        rows=release.first + rows,
-    )
+    columns = _sprung_columns(position, sample_time, release, rows)
+    rows = release.first + rows
+    return _fitted(columns, position, rows, starts, _BOUNDS, _frequency_and_decay)
 
 
 def measure_unsprung(
@@ -218,25 +189,15 @@ def measure_unsprung(
     time: FloatArray = np.arange(end - first, dtype=np.float64) * sample_time
     rows = _rows(time.size)
 
-    def columns(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def columns(theta: FloatArray) -> FloatArray:
         falling = -np.expm1(-np.exp(theta[0]) * time)
-        parts = np.column_stack([np.ones(time.size), time, falling])
-        return parts[rows], np.zeros(rows.size)
+        return np.column_stack([np.ones(time.size), time, falling])[rows]
+
+    def told(theta: FloatArray) -> tuple[float, float]:
+        return 0.0, float(np.exp(theta[0]))
 
     bounds = (np.array([-np.inf]), np.array([np.inf]))
-    measured = position[first:end][rows]
-    theta = _solve(columns, measured, np.log([decay]), bounds)[0]
-    fitted, _, misfit = _fitted(columns(theta), measured)
-    return FreeMotion(
-        frequency=0.0,
-        frequency_half=0.0,
-        decay=float(np.exp(theta[0])),
-        decay_half=float(_half_widths(columns, measured, theta, bounds, np.exp)[0]),
-        friction=None,
-        misfit=misfit,
-        fitted=fitted,
-        rows=first + rows,
-    )
+    return _fitted(columns, position, first + rows, [[np.log(decay)]], bounds, told)
 
 
 def _rows(count: int) -> NDArray[np.intp]:
@@ -244,27 +205,18 @@ def _rows(count: int) -> NDArray[np.intp]:
 
 
 def _sprung_columns(
-    position: FloatArray,
-    sample_time: float,
-    release: Release,
-    rows: NDArray[np.intp],
-    friction: float | None,
+    position: FloatArray, sample_time: float, release: Release, rows: NDArray[np.intp]
 ) -> _Columns:
-    """Oscillation, place of rest, and friction: a column of its own, or of known x_f."""
+    """Oscillation and place of rest, and friction where the handle turns."""
     time: FloatArray = np.arange(release.end - release.first, dtype=np.float64) * sample_time
     sense = _friction(position, release)
 
-    def columns(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def columns(theta: FloatArray) -> FloatArray:
         w0, ratio = float(np.exp(theta[0])), float(theta[1])
         parts = [*_second_order(w0, ratio, time), np.ones(time.size)]
-        known = np.zeros(rows.size)
-        if sense is not None and friction != 0:
-            answer = _answer(sense, w0, ratio, sample_time)
-            if friction is None:
-                parts.append(answer)
-            else:
-                known = friction * answer[rows]
-        return np.column_stack(parts)[rows], known
+        if sense is not None:
+            parts.append(_answer(sense, w0, ratio, sample_time))
+        return np.column_stack(parts)[rows]
 
     return columns
 
@@ -329,23 +281,43 @@ def _solve(
     scale = float(np.std(measured))
 
     def residual(theta: FloatArray) -> FloatArray:
-        parts, known = columns(theta)
-        wanted = measured[kept] - known[kept]
-        return (wanted - _projected(parts[kept], wanted)[0]) / scale
+        return (measured[kept] - _projected(columns(theta)[kept], measured[kept])[0]) / scale
 
     solved = least_squares(residual, start, bounds=bounds, x_scale="jac", xtol=1e-10, max_nfev=60)
     return np.asarray(solved.x, dtype=np.float64), float(solved.cost)
 
 
 def _fitted(
-    parts: tuple[FloatArray, FloatArray], measured: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """(fit, m; sizes of the columns; what is left, part of the rms about the mean)."""
-    columns, known = parts
-    fitted, sizes = _projected(columns, measured - known)
-    fitted = fitted + known
-    misfit = float(np.sqrt(np.mean((measured - fitted) ** 2)) / np.std(measured))
-    return fitted, sizes, misfit
+    columns: _Columns,
+    position: FloatArray,
+    rows: NDArray[np.intp],
+    starts: Sequence[Sequence[float]],
+    bounds: tuple[FloatArray, FloatArray],
+    told: Callable[[FloatArray], tuple[float, float]],
+) -> FreeMotion:
+    """The mode of the best of several fits to rows of a log, and what is told of it.
+
+    Frequency and decay, with 95 % half-widths by leaving out one block after the other (jackknife).
+    """
+    measured = position[rows]
+    fits = (_solve(columns, measured, np.array(at), bounds) for at in starts)
+    theta = min(fits, key=lambda fit: fit[1])[0]
+    kept = (_solve(columns, measured, theta, bounds, left_out=k)[0] for k in range(_BLOCKS))
+    values = np.array([told(each) for each in kept])
+    spread = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
+    halves = _STUDENT * np.sqrt((_BLOCKS - 1) / _BLOCKS * spread)
+    fitted, sizes = _projected(columns(theta), measured)
+    frequency, decay = told(theta)
+    return FreeMotion(
+        frequency=frequency,
+        frequency_half=float(halves[0]),
+        decay=decay,
+        decay_half=float(halves[1]),
+        friction=float(sizes[3]) if sizes.size > 3 else None,
+        misfit=float(np.sqrt(np.mean((measured - fitted) ** 2)) / np.std(measured)),
+        fitted=fitted,
+        rows=rows,
+    )
 
 
 def _projected(columns: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -361,18 +333,3 @@ def _frequency_and_decay(theta: FloatArray) -> tuple[float, float]:
         return natural * float(np.sqrt(1 - ratio * ratio)) / (2 * np.pi), natural * ratio
     # The slower pole, ω₀·(ζ - √(ζ²-1)), without cancelling.
     return 0.0, natural / (ratio + float(np.sqrt(ratio * ratio - 1)))
-
-
-def _half_widths(
-    columns: _Columns,
-    measured: FloatArray,
-    theta: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    quantities: Callable[[FloatArray], ArrayLike],
-) -> FloatArray:
-    """95 % half-widths of what is told, leaving out one block after the other (jackknife)."""
-    kept = (_solve(columns, measured, theta, bounds, left_out=k)[0] for k in range(_BLOCKS))
-    values = np.array([quantities(each) for each in kept], dtype=np.float64)
-    spread = values - values.mean(axis=0)
-    variance = (_BLOCKS - 1) / _BLOCKS * np.sum(spread * spread, axis=0)
-    return np.asarray(_STUDENT * np.sqrt(variance), dtype=np.float64)

@@ -2,10 +2,10 @@
 
 The logged force is a function of the logged positions, or it is not:
 F[k] = -s·(K·y + B·v + M·a) + offset, v and a by the very filters of a profile on the positions of
-the log. The offset is where the spring is relaxed. What the filters remember from before the log,
-or from a contact that reset them, dies away in their own modes; each contact has columns for these,
-so that no row is lost and the state at its start need not be known. Cut-offs with which the law
-explains the force as well are the interval that the log tells of a filter.
+the log. The offset is where the spring is relaxed. The filters run on every reading, from rest at
+the first; where the handle moves then, what they remember from before the log has to die away.
+Cut-offs with which the law explains the force as well are the interval that the log tells of a
+filter.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import UsageError
-from tune.documents.estimators import Derivative, Estimator, filter_of
+from tune.documents.estimators import Derivative, Estimator
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, Effects
 from tune.loop.loop import Filters, filters_of
@@ -114,16 +114,12 @@ def unassessed_outcome(check: str, why: str, remedy: str = "", **numbers: float)
     return Outcome(check=check, verdict="not assessed", seen=why, remedy=remedy, numbers=numbers)
 
 
-#: Contacts with a one-sided wall that are used, the longest ones; more would only cost time.
-_MOST_CONTACTS = 12
-#: Rows a contact needs beyond its nuisance columns to say anything.
-_SHORTEST_CONTACT = 20
-#: A mode of a filter smaller than this has died away; it would only spoil the conditioning.
-_DEAD = 1e-14
-#: Radians a sample: two poles nearer than this are equal, their second mode is the first times t.
-_EQUAL = 1e-6
-#: Columns that agree to this part, relative, are one column.
-_SAME = 1e-12
+#: Rows that are needed beyond those of the filters.
+_FEWEST_ROWS = 20
+#: A beginning slower than this part of the fastest motion is at rest.
+_AT_REST = 0.01
+#: Time constants after which a filter has forgotten: what is left is below single precision.
+_FORGOTTEN = 20.0
 
 #: χ² of one parameter at 99.9 %: a sum of squares that grows by this many variances rules out.
 _CHI_SQUARE = 10.83
@@ -140,7 +136,7 @@ _THE_SAME = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """Force and the three estimates on the rows used, what offset and old state explain taken out.
+    """Force and the three estimates on the rows used, their means taken out.
 
     N, m, m/s and m/s², shape (n,); ``rows`` says which of the log these are.
     """
@@ -178,6 +174,7 @@ class Log:
     N and m, shape (n,).
     """
 
+    loop: LoopProfile  # whose filters forget what was before the log
     force: FloatArray
     position: FloatArray
     used: Rows
@@ -189,15 +186,17 @@ class Log:
         """
         velocity, acceleration = _estimates(self.position, loop)
         warm = 2 + abs(late) + (loop.velocity_window_samples or 1)
-        contacts = _contacts(self.used & np.roll(self.used, -late))
-        nuisance, rows = _nuisance(contacts, loop, warm, self.force.size)
-        if np.count_nonzero(rows) < nuisance.shape[1] + _SHORTEST_CONTACT:
+        rows = np.zeros(self.force.size, dtype=np.bool_)
+        for first, end in stretches(self.used & np.roll(self.used, -late)):
+            rows[first + warm : max(first + warm, end - warm)] = True
+        speed = np.abs(np.diff(self.position))
+        if np.mean(speed[:warm]) > _AT_REST * speed.max():
+            rows[: _forgetting(self.loop, _FORGOTTEN)] = False
+        if np.count_nonzero(rows) < warm + _FEWEST_ROWS:
             return None
-        basis = _orthonormal(nuisance[rows])
 
         def rest(column: FloatArray) -> FloatArray:
-            kept = column[rows]
-            return kept - basis @ (basis.T @ kept)
+            return column[rows] - np.mean(column[rows])
 
         return Columns(
             force=rest(np.roll(self.force, -late)),
@@ -230,13 +229,16 @@ def fit_free(columns: Columns) -> tuple[Effects, float]:
 
 def noise_gain(effects: Effects, loop: LoopProfile) -> float:
     """rms of force per rms of white noise on every position reading, N/m."""
-    # So many samples that every filter has forgotten.
-    cutoffs = [f for f in (loop.velocity_filter_hz, loop.acceleration_filter_hz) if f is not None]
-    slowest = min(cutoffs, default=1 / loop.sample_time) * loop.filter_damping_ratio
-    forgetting = int(8 / (2 * np.pi * slowest * loop.sample_time))
-    knock = np.zeros(8 + (loop.velocity_window_samples or 0) + forgetting)
+    knock = np.zeros(8 + (loop.velocity_window_samples or 0) + _forgetting(loop, 8.0))
     knock[1] = 1.0  # after one row of rest, so that the knock itself is a change
     return float(np.linalg.norm(_force_of(effects, (knock, *_estimates(knock, loop)))))
+
+
+def _forgetting(loop: LoopProfile, constants: float) -> int:
+    """Samples in so many time constants of the slowest filter."""
+    cutoffs = [f for f in (loop.velocity_filter_hz, loop.acceleration_filter_hz) if f is not None]
+    slowest = min(cutoffs, default=1 / loop.sample_time) * loop.filter_damping_ratio
+    return int(constants / (2 * np.pi * slowest * loop.sample_time))
 
 
 def rms(values: FloatArray) -> float:
@@ -280,57 +282,6 @@ def _estimates(position: FloatArray, loop: LoopProfile) -> tuple[FloatArray, Flo
     else:
         velocity = filtered(change, "velocity")
     return velocity, filtered(again, "acceleration")
-
-
-def _contacts(used: Rows) -> list[tuple[int, int]]:
-    """(first, end) of every stretch of rows used, the longest ones, in order."""
-    longest = sorted(stretches(used), key=lambda pair: pair[0] - pair[1])[:_MOST_CONTACTS]
-    return sorted(pair for pair in longest if pair[1] - pair[0] > _SHORTEST_CONTACT)
-
-
-def _nuisance(
-    contacts: list[tuple[int, int]], loop: LoopProfile, warm: int, count: int
-) -> tuple[FloatArray, Rows]:
-    """(offset and modes of the filters of each contact, the rows the contacts leave)."""
-    rows = np.zeros(count, dtype=np.bool_)
-    columns: list[FloatArray] = [np.ones(count)]
-    filters = [filter_of(loop, "acceleration")]
-    if loop.velocity_window_samples is None:
-        filters.append(filter_of(loop, "velocity"))
-    orders = [(each.hertz, each.order) for each in filters if each.hertz is not None]
-    shaping = list(dict.fromkeys(orders))
-    for first, end in contacts:
-        start = min(first + warm, end)
-        rows[start : max(start, end - warm)] = True
-        since = np.arange(end - start, dtype=np.float64)
-        for cutoff, order in shaping:
-            turn = 2 * np.pi * cutoff * loop.sample_time
-            for mode in _modes(turn, order, loop.filter_damping_ratio, since):
-                column = np.zeros(count)
-                column[start:end] = mode
-                columns.append(column)
-    return np.column_stack(columns), rows
-
-
-def _modes(turn: float, order: int, damping_ratio: float, since: FloatArray) -> list[FloatArray]:
-    """How a filter of 2π·f·T = ``turn`` forgets; ``since`` in samples."""
-    single = np.exp(-turn * since)
-    if order == 1:
-        return [single]
-    shrink = np.exp(-turn * damping_ratio * since)
-    swing = turn * np.sqrt(1 - damping_ratio**2)
-    if swing < _EQUAL:
-        return [shrink * (since * turn) ** power for power in range(order)]
-    pair = [shrink * np.cos(swing * since), shrink * np.sin(swing * since)]
-    return pair + [single * (since * turn) ** power for power in range(order - 2)]
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    """An orthonormal basis of the space of the columns, dead ones left out."""
-    norms = np.linalg.norm(columns, axis=0)
-    alive = columns[:, norms > _DEAD] / norms[norms > _DEAD]
-    left, sizes, _ = np.linalg.svd(alive, full_matrices=False)
-    return left[:, sizes > _SAME * sizes[0]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

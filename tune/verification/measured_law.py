@@ -70,8 +70,6 @@ _SHIFTS = (1, -1, 2, -2)
 _LOWEST, _HIGHEST = 1.0, 0.45
 #: ... first on so many places, then between the best and its neighbours to this part.
 _PLACES, _FINE = 40, 1e-4
-#: Windows of velocity looked through, samples.
-_WINDOWS = range(1, 41)
 #: A cut-off nearer to the profile's than this part is the same to any margin.
 _MATERIAL_CUTOFF = 0.03
 
@@ -100,7 +98,8 @@ def judge_law(
     The gain is that at which it was played, or None where the user did not say.
     """
     force, position = trajectory.force, trajectory.position
-    log = Log(force=force, position=position, used=_rows_of_the_law(profile, force, position))
+    used = _rows_of_the_law(profile, force, position)
+    log = Log(loop=profile.loop, force=force, position=position, used=used)
     effects = {combination: effects_of(profile, combination) for combination in combinations}
     unseen = MeasuredLaw(
         elements=combinations[0],
@@ -108,12 +107,12 @@ def judge_law(
         effects=None,
         gain=float("nan"),
         predicted=np.full(force.size, np.nan),
-        used=log.used,
+        used=used,
         outcomes=(),
     )
     columns = log.columns(profile.loop)
     if columns is None or columns.scale == 0:
-        why = f"{np.count_nonzero(log.used)} rows are neither saturated nor outside of the wall"
+        why = f"{np.count_nonzero(used)} rows are neither saturated nor outside of the wall"
         outcome = unassessed_outcome("law", why, "Log a longer stretch, or play a lower gain.")
         return replace(unseen, outcomes=(outcome, unassessed_outcome("gain", "no law is seen")))
     fits = {combination: fit_scaled(columns, each) for combination, each in effects.items()}
@@ -408,16 +407,6 @@ def _variants(log: Log, loop: LoopProfile, combinations: Combinations) -> Iterat
             remedy=run,
             loop=loop.model_copy(update=both),
         )
-        yield _Variant(
-            words="the cut-offs of velocity and acceleration are exchanged",
-            remedy=run,
-            loop=loop.model_copy(
-                update={
-                    "velocity_filter_hz": loop.acceleration_filter_hz,
-                    "acceleration_filter_hz": loop.velocity_filter_hz,
-                }
-            ),
-        )
 
 
 def _bare(name: str) -> dict[str, object]:
@@ -429,7 +418,7 @@ def _bare(name: str) -> dict[str, object]:
 def _other_filters(
     log: Log, loop: LoopProfile, combinations: Combinations, name: Derivative, remedy: str
 ) -> Iterator[_Variant]:
-    """Other cut-offs, orders, dampings and windows of one estimate."""
+    """Other cut-offs and orders of one estimate."""
     mine, stated, order = filter_of(loop, name)
     own = mine, order
 
@@ -456,20 +445,6 @@ def _other_filters(
             material=(kind, order) != own
             or stated is None
             or abs(hertz / stated - 1) > _MATERIAL_CUTOFF,
-        )
-    if name == "velocity":
-        windowed = {
-            count: loop.model_copy(
-                update={"velocity_filter_hz": None, "velocity_window_samples": count}
-            )
-            for count in _WINDOWS
-        }
-        count = min(windowed, key=lambda each: residual(windowed[each]))
-        yield _Variant(
-            words=f"velocity is taken over a window of {count} sample(s)",
-            remedy=remedy,
-            loop=windowed[count],
-            material=count != loop.velocity_window_samples,
         )
 
 

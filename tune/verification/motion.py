@@ -28,10 +28,6 @@ Range = tuple[float, float]
 _REAL = 1e-9
 #: A pole so near to w = -1, z = 0, is over within a sample: what a delay or a difference leaves.
 _GONE = 1e-6
-#: A mode that decays this many times faster than the slowest is over before anything is measured.
-_MUCH_FASTER = 4.0
-#: Part of the release a second mode of like decay may carry before the motion is no single mode.
-_SECOND_MODE = 0.1
 
 #: Motion of which one mode leaves more than this part is no free motion of this loop.
 _MISFIT = 0.05
@@ -46,8 +42,6 @@ _FEWEST_ROWS = 50
 _FREQUENCY_TOLERANCE, _BY_OTHER_MODES, DECAY_TOLERANCE = 0.01, 0.1, 0.05
 #: An interval wider than this part of what is predicted tells nothing.
 _WIDEST = 0.5
-#: A predicted swing below this many clear ones may stay unseen.
-_CLEARLY = 2.0
 #: Stiffness is looked for as an error of unit where it explains the frequency within this part.
 _UNIT_ERROR = 0.2
 #: Samples of delay that somebody may have overlooked.
@@ -59,6 +53,7 @@ _STILL = (
     "the handle does not move by more than noise and a few counts while the force is neither at "
     "its limit nor zero outside of a one-sided wall"
 )
+_ONE_TURN = "the handle comes to rest within a swing, which does not tell decay from friction"
 #: What helps where the log cannot tell.
 _LOUDER = "Release the handle from further away, hand off, or play an element with a spring."
 
@@ -70,9 +65,7 @@ class Slowest:
     frequency: float  # damped, Hz; 0 where it does not oscillate
     decay: float  # of its envelope exp(-decay·t), 1/s
     natural: float  # modulus of the pole, rad/s
-    next_decay: float  # of the slowest among the other modes, 1/s; infinite where there is none
     nearness: float  # to the other modes: its modulus over the least of theirs
-    others: float  # part of the response to a release that modes of like decay carry, relative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +75,6 @@ class Prediction:
     nominal: Slowest
     frequency: Range  # Hz
     decay: Range  # 1/s
-    single: bool  # whether one mode, or two real poles, describes the motion at every corner
 
     @property
     def frequency_tolerance(self) -> float:
@@ -91,14 +83,12 @@ class Prediction:
 
     @property
     def obstacle(self) -> str | None:
-        """Why there is no single mode to compare with."""
+        """Why there is no decay to compare with."""
         if self.decay[0] <= 0:
             return (
                 f"at this gain the loop is predicted to decay by {self.decay[0]:.3g} to "
                 f"{self.decay[1]:.3g} 1/s, so it may not come to rest at all"
             )
-        if not self.single:
-            return "the loop is predicted to come to rest in several modes of like decay"
         return None
 
 
@@ -149,7 +139,6 @@ def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
         nominal=nominal,
         frequency=(min(m.frequency for m in every), max(m.frequency for m in every)),
         decay=(min(m.decay for m in every), max(m.decay for m in every)),
-        single=max(mode.others for mode in every) <= _SECOND_MODE,
     )
 
 
@@ -169,29 +158,16 @@ def slowest(
     w = np.asarray(np.roots(closed[built.lowest_power(effects) :][::-1]))
     w = w[np.abs(1 + w) > _GONE].astype(np.complex128)
     poles = 2 / device.sample_time.value * np.arctanh(w)
-    order = np.argsort(np.abs(poles))
-    w, poles = w[order], poles[order]
+    poles = poles[np.argsort(np.abs(poles))]
     first = poles[0]
     oscillates = abs(first.imag) > _REAL * abs(first)
-    if free:
-        # Without a spring one real pole is the decay of speed; anything else is no single mode.
-        weights = np.ones(poles.size)
-    else:
-        spring = np.polynomial.polynomial.polyval(w, built.terms.alpha)
-        slope = np.polynomial.polynomial.polyval(w, np.polynomial.polynomial.polyder(closed))
-        # Residues, but for one factor, of the response to letting go of what springs hold.
-        weights = np.abs(spring / (slope * w * (1 - w)))
     pair = len(poles) > 1 and not free and poles[1].imag == 0
     own = 2 if oscillates or pair else 1
-    other_decays = -poles.real[own:]
-    alike = other_decays < _MUCH_FASTER * -first.real
     return Slowest(
         frequency=float(abs(first.imag)) / (2 * np.pi) if oscillates else 0.0,
         decay=-float(first.real),
         natural=float(abs(first)),
-        next_decay=float(np.min(other_decays, initial=np.inf)),
         nearness=float(np.max(abs(first) / np.abs(poles[own:]), initial=0.0)),
-        others=float(np.sum(weights[own:][alike]) / np.sum(weights[:own])),
     )
 
 
@@ -218,19 +194,12 @@ def judge_motion(
     if release is not None and not np.all(used[release.first : release.end]):
         last = int(np.flatnonzero(~used[first:])[-1])
         release = find_release(position, first + last + 1)
-    if release is None:
-        return _unassessed(prediction, _STILL, _LOUDER)
-    stiffness = binding_stiffness(device, effects)
-    if not stiffness:
+    if release is None or len(release.turns) == 1:
+        return _unassessed(prediction, _STILL if release is None else _ONE_TURN, _LOUDER)
+    if not binding_stiffness(device, effects):
         return _unsprung(position, sample_time, release, prediction)
-    nominal, known = prediction.nominal, device.coulomb_friction
-    measured = measure_sprung(
-        position,
-        sample_time,
-        release,
-        (nominal.natural, nominal.decay),
-        (known.value / stiffness, known.low / stiffness, known.high / stiffness),
-    )
+    start = prediction.nominal.natural, prediction.nominal.decay
+    measured = measure_sprung(position, sample_time, release, start)
     if measured.misfit > _MISFIT:
         return _not_one_mode(measured, release, prediction)
     return MeasuredMotion(
@@ -238,7 +207,7 @@ def judge_motion(
         measured=measured,
         prediction=prediction,
         outcomes=(
-            _frequency_outcome(measured, release, prediction, effects, device),
+            _frequency_outcome(measured, len(release.turns), prediction, effects),
             _sprung_decay_outcome(measured, len(release.turns), prediction, device, loop, effects),
         ),
     )
@@ -304,68 +273,42 @@ def _unassessed(prediction: Prediction, why: str, remedy: str = "") -> MeasuredM
 
 
 def _frequency_outcome(
-    measured: FreeMotion,
-    release: Release,
-    prediction: Prediction,
-    effects: Effects,
-    device: Device,
+    measured: FreeMotion, turns: int, prediction: Prediction, effects: Effects
 ) -> Outcome:
-    """The frequency of the swings, or their absence, against the prediction."""
+    """The frequency of the swings against the prediction."""
     nominal, (low, high) = prediction.nominal.frequency, prediction.frequency
-    value, half, turns = measured.frequency, measured.frequency_half, len(release.turns)
+    value, half = measured.frequency, measured.frequency_half
     if turns == 0:
         if low == 0:
             why = "the motion does not oscillate, which is predicted"
             return unassessed_outcome("frequency", why)
-        if _swing_back(release, prediction, effects, device) < _CLEARLY * release.clear:
-            why = "the handle does not swing back, and is hardly predicted to"
-            return unassessed_outcome("frequency", why)
-    elif half > _WIDEST * max(nominal, value):
+        return unassessed_outcome("frequency", "the handle does not swing back", _LOUDER)
+    if half > _WIDEST * max(nominal, value):
         why = f"it is seen as {value:.4g} ± {half:.2g} Hz only"
         return unassessed_outcome("frequency", why, _LOUDER, seen=value, seen_half_width=half)
     tolerance = prediction.frequency_tolerance
-    agrees = turns > 0 and (
-        value + half >= low * (1 - tolerance) and value - half <= high * (1 + tolerance)
-    )
+    agrees = value + half >= low * (1 - tolerance) and value - half <= high * (1 + tolerance)
     return Outcome(
         check="frequency",
         verdict="agrees" if agrees else "disagrees",
-        seen=f"{value:.4g} ± {half:.2g} Hz, {turns} turning points"
-        if turns
-        else "the handle does not swing back",
+        seen=f"{value:.4g} ± {half:.2g} Hz, {turns} turning points",
         predicted=f"{low:.4g} to {high:.4g} Hz, {nominal:.4g} Hz at best",
         tolerance=f"{tolerance:.1%} and the interval of the measurement",
-        remedy="" if agrees else _frequency_remedy(measured, turns, prediction, effects),
+        remedy="" if agrees else _frequency_remedy(measured, prediction, effects),
         numbers={
             "turning_points": turns,
             "predicted": nominal,
             "predicted_low": low,
             "predicted_high": high,
             "tolerance": tolerance,
-            **({"seen": value, "seen_half_width": half} if turns else {}),
+            "seen": value,
+            "seen_half_width": half,
         },
     )
 
 
-def _swing_back(
-    release: Release, prediction: Prediction, effects: Effects, device: Device
-) -> float:
-    """How far the handle is predicted to swing back after its first overshoot, m.
-
-    Coulomb friction takes from every half-cycle, and holds whatever ends within its reach.
-    """
-    left = float(np.exp(-np.pi * prediction.decay[1] / (2 * np.pi * prediction.frequency[0])))
-    held = device.coulomb_friction.high / binding_stiffness(device, effects)
-    overshoot = (abs(release.deviation) - 2 * held) * left - held
-    return (overshoot - held) * (1 + left)
-
-
-def _frequency_remedy(
-    measured: FreeMotion, turns: int, prediction: Prediction, effects: Effects
-) -> str:
+def _frequency_remedy(measured: FreeMotion, prediction: Prediction, effects: Effects) -> str:
     natural = float(np.hypot(2 * np.pi * measured.frequency, measured.decay))
-    if turns == 0:
-        return "Check that no hand held the handle, then identify the device again."
     factor = (prediction.nominal.natural / natural) ** 2
     virtual = 0.0 if effects.mass is None else float(np.asarray(effects.mass))
     said = (

@@ -399,13 +399,7 @@ class Device(Document):
         slope of gs·sin(q) + gc·cos(q) runs over ±√(gs² + gc²) as the axis turns: the stiffness
         spans that beside k. Sample time and delay are taken as stated.
         """
-        count = max(2, sum(not item.exact for item in self._identified()))
-        freedom = np.inf
-        if self.covariance is not None:
-            count = max(count, len(self.covariance.parameters))
-            freedom = self.covariance.degrees_of_freedom
-        factor = widening(count, freedom, confidence)
-        mass = self.mass
+        factor, mass = self.widening(confidence), self.mass
         dampings = [self.damping]
         if self.damping_by_direction is not None:
             dampings += [self.damping_by_direction.forward, self.damping_by_direction.backward]
@@ -422,6 +416,15 @@ class Device(Document):
             delay=(self.delay.low, self.delay.high),
             position_stiffness=self._slopes(factor),
         )
+
+    def widening(self, confidence: float = BOX_CONFIDENCE) -> float:
+        """Factor from half of a 95 % interval to half of the simultaneous box."""
+        count = max(2, sum(not item.exact for item in self._identified()))
+        freedom = np.inf
+        if self.covariance is not None:
+            count = max(count, len(self.covariance.parameters))
+            freedom = self.covariance.degrees_of_freedom
+        return widening(count, freedom, confidence)
 
     @property
     def slope_at_zero(self) -> float:

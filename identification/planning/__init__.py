@@ -2,9 +2,9 @@
 
 Three families of signals are brought to their best within the limits and compared. What is played
 is the net force of the best, plus the friction of the guessed device while it moves, so that
-friction neither holds the device nor bends its path, and the constant force guessed. Every corner
-of the guesses is then simulated exactly and the force scaled until none of them leaves its limits;
-for the force that is played, devices between the corners too.
+friction neither holds the device nor bends its path, and the constant force guessed. The devices of
+the guesses that may go farthest are then simulated exactly and the force scaled until none of them
+leaves its limits.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _SEEDS = (0, 1, 2)
 #: Periods in the duration that are tried where there is friction, one start each.
 _PERIODS = (1, 2, 3, 4, 6)
 _ENDS = 14  # frequencies tried at either end of a sweep
-_SWEEPS = 4  # sweeps handed on: a corner of the guesses may drift under the very best
+_SWEEPS = 4  # sweeps handed on: a device of the guesses may drift under the very best
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,7 +234,7 @@ _FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[_Shape]]], ...] = (
 #: Part of the limits aimed at: what is left covers the rounding of the force in its file.
 _AIM = 0.999
 _ENOUGH = 0.985  # fitting to the limits ends when this much of one of them is used, ...
-_TRIES = 12  # ... or after this many simulations of all corners.
+_TRIES = 12  # ... or after this many simulations of all devices.
 #: A force scaled down to this part of what the guess alone would allow tells next to nothing.
 _LEAST = 0.1
 #: Friction is made up for from this part of the peak speed on; below it comes in smoothly.
@@ -266,7 +266,7 @@ class Candidate:
     lines: int  # how many frequencies it has; 0 where it sweeps through all of the band
     force: FloatArray  # N (N·m), shape (n,), held from sample to sample, zero at both ends
     prediction: Prediction  # motion of the guessed device and Cramér-Rao bound
-    used: Used  # parts of the limits that the worst corner uses
+    used: Used  # parts of the limits that the worst device uses
 
     @property
     def description(self) -> str:
@@ -344,33 +344,25 @@ def plan_excitation(
 
     wanted = gentle_spec(spec) if spec.gentle else spec
     bench = DesignGrid.of(wanted)
-    found: list[tuple[Candidate, _Shape]] = []
+    devices, spread = Region.stated(wanted).devices(), BETWEEN if wanted.ranges else 1.0
+    found: list[Candidate] = []
     used: list[Used] = []
-    corners, between = list(wanted.corners()), Region.stated(wanted).devices()
     for name, family in _FAMILIES:
         say(f"designing a {name}")
-        tried = [(_fitted(bench, shape, corners), shape) for shape in family(bench)]
-        fitting = [(each, shape) for each, shape in tried if isinstance(each, Candidate)]
-        used += [each for each, _ in tried if isinstance(each, Used)]
-        if fitting:
-            found.append(min(fitting, key=_product))
-    say("looking for the devices that go farthest")
-    found.sort(key=_product)
-    while found and wanted.ranges:
-        secured = _fitted(bench, found[0][1], between, BETWEEN)
-        if isinstance(secured, Candidate):
-            found[0] = (secured, found[0][1])
-            break
-        used.insert(0, secured)
-        del found[0]
+        tried = [_fitted(bench, shape, devices, spread) for shape in family(bench)]
+        used += [each for each in tried if isinstance(each, Used)]
+        fitting = [each for each in tried if isinstance(each, Candidate)]
+        found += [min(fitting, key=_product)] if fitting else []
     if not found:
         raise InvalidInputError("excitation", *_impossible(wanted, used[0]))
-    worst = worst_motions(spec, found[0][0].force)
-    return Excitation(spec=wanted, candidates=tuple(each for each, _ in found), worst=worst)
+    found.sort(key=_product)
+    say("looking for the devices that go farthest")
+    worst = worst_motions(spec, found[0].force)
+    return Excitation(spec=wanted, candidates=tuple(found), worst=worst)
 
 
 def _fitted(
-    bench: DesignGrid, shape: _Shape, devices: list[Guess], spread: float = 1.0
+    bench: DesignGrid, shape: _Shape, devices: list[Guess], spread: float
 ) -> Candidate | Used:
     """The shape on the controller's samples, friction and offset made up for, within all limits.
 
@@ -379,7 +371,7 @@ def _fitted(
     spec = bench.spec
     step = spec.sample_time
     net = shape.force((np.arange(spec.samples, dtype=np.float64) + 0.5) * step)
-    guess = spec.corners()[0]
+    guess = spec.guess
     response = Response(rate=guess.rate, step=step, count=net.size, noise=1.0)
     speed = response.speed(net / guess.mass)
     middle = (speed + np.concatenate(([0.0], speed[:-1]))) / 2
@@ -419,10 +411,9 @@ def _fitted(
     )
 
 
-def _product(found: tuple[Candidate, _Shape]) -> float:
+def _product(found: Candidate) -> float:
     """What is to be small: the product of both intervals."""
-    prediction = found[0].prediction
-    return prediction.mass * prediction.damping
+    return found.prediction.mass * found.prediction.damping
 
 
 def _rounded(force: FloatArray, limit: float) -> FloatArray:

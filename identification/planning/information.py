@@ -15,12 +15,8 @@ Coulomb friction where some is guessed, and the delay where it is not known are 
 same log and take their share of the information.
 
 The merit that designs are brought to is the logarithm of the product of the variances of mass and
-damping: D-optimal but for the correlation of the two. Without friction these are the Cramér-Rao
-variances. With friction they stand in for them, because the exact ones have no gradient where the
-device sticks: each turn of the velocity is known only as well as the velocity is, which acts as an
-unknown kick of 2·Fc/m·δv/|a| (δv error of the velocity, a acceleration at the turn), carried
-through the least-squares fit. So a force is sought that turns the device seldom and quickly, as one
-would by experience.
+damping without friction: D-optimal but for the correlation of the two. The exact bound has no
+gradient where friction lets the device stick; it compares the forces that the merit found.
 """
 
 from __future__ import annotations
@@ -42,8 +38,6 @@ FloatArray = NDArray[np.float64]
 
 #: Imaginary step of p, as part of 1/h; nothing is subtracted, so the derivative is exact.
 _RATE_STEP = 1e-30
-#: The gain of the noise filter has settled when one step changes it by less than this part.
-_SETTLED = 1e-10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,32 +69,20 @@ class Response:
 
         The steady Kalman filter in units of one reading: its innovations are white.
         """
-        first, second = (part.real for part in phi(self.rate * self.step))
-        decay = 1 - self.rate * self.step * first
         size = self.acceleration_noise * self.step**2 / self.noise
         if size == 0:
             return np.array([1 / self.noise]), np.array([1.0])
-        a, b, c = (size * second) ** 2, size**2 * first * second, (size * first) ** 2
-        place = cross = speed = 0.0  # covariance of the predicted position and velocity
-        for _ in range(self.count):
-            gain, turn = place / (place + 1), cross / (place + 1)
-            held, mixed = gain, cross * (1 - gain)
-            rest = speed - turn * cross
-            following = held + 2 * first * mixed + first**2 * rest + a
-            cross = decay * (mixed + first * rest) + b
-            speed = decay**2 * rest + c
-            settled = abs(following - place) <= _SETTLED * following
-            place = following
-            if settled:
-                break
-        gain, turn = place / (place + 1), cross / (place + 1)
-        # det(z - A·(1 - K·C)), A = [[1, φ1], [0, e]], gain K = (gain, turn) of the update.
-        top = np.array([1.0, -1.0 - decay, decay])
-        matrix = np.array(
-            [[1 - gain - first * turn, first], [-decay * turn, decay]], dtype=np.float64
+        from scipy.linalg import solve_discrete_are
+
+        first, second = (part.real for part in phi(self.rate * self.step))
+        motion = np.array([[1.0, first], [0.0, 1 - self.rate * self.step * first]])
+        kick, reading = size * np.array([second, first]), np.array([[1.0], [0.0]])
+        spread = solve_discrete_are(motion.T, reading, np.outer(kick, kick), np.eye(1))
+        gain = motion @ spread @ reading / (spread[0, 0] + 1)
+        top = np.poly(motion) / (self.noise * np.sqrt(spread[0, 0] + 1))
+        return np.asarray(top, np.float64), np.asarray(
+            np.poly(motion - gain @ reading.T), np.float64
         )
-        bottom = np.array([1.0, -float(np.trace(matrix)), float(np.linalg.det(matrix))])
-        return top / (self.noise * np.sqrt(place + 1)), bottom
 
     def driven(self, pull: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position at samples 1 to n, in standard deviations, and its derivative by p."""
@@ -326,122 +308,6 @@ def _smooth_sensitivities(force: FloatArray, guess: Guess, step: float) -> Float
     return np.stack(columns, axis=1)
 
 
-#: Width of the smooth sign of the velocity, as part of the speed scale: a few samples at a turn.
-_SMOOTH = 0.03
-#: Accelerations below this part of the largest count as it: slower turns are not resolved.
-_SLOWEST_TURN = 0.05
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Friction:
-    """What Coulomb friction does to an estimate."""
-
-    grip: float  # Fc/m, m/s²
-    blur: float  # error of the velocity at a turn, m/s
-    speed: float  # typical peak speed, m/s
-    acceleration: float  # largest acceleration, m/s²
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DesignCriterion:
-    """The merit of net forces per mass on one grid."""
-
-    response: Response  # of the guessed device
-    #: columns that take their share of the information, orthonormal, shape (n, 3)
-    unknowns: FloatArray
-    friction: Friction | None
-    delay_known: bool  # False if the delay is estimated too
-
-    def __call__(self, pull: FloatArray) -> tuple[float, FloatArray]:
-        """Logarithm of the product of both variances, and its gradient."""
-        response, friction = self.response, self.friction
-        place, slope = response.driven(pull)
-        columns = [-(place + response.rate * slope), slope]
-        turns = _Turns.of(response, friction, pull) if friction is not None else None
-        if turns is not None:
-            columns.append(response.driven(turns.sign)[0])
-        if not self.delay_known:
-            columns.append(response.whitened(response.speed(pull)))
-        table = self._rest(np.stack(columns, axis=1))
-        norms: FloatArray = np.linalg.norm(table, axis=0)
-        unit: FloatArray = table / norms
-        inverse = np.asarray(np.linalg.inv(unit.T @ unit), dtype=np.float64)
-        weights: FloatArray = unit @ inverse  # the estimate is what these make of the noise
-        wanted: FloatArray = weights[:, :2]
-        spread = wanted.copy()
-        variances: FloatArray = np.diag(inverse)[:2].copy()
-        kicked = np.zeros_like(wanted)
-        if turns is not None:
-            none = np.zeros(pull.size)
-            for i in (0, 1):
-                kicked[:, i] = response.returned(self._rest(wanted[:, i]), none) / response.step
-                carried = response.driven(turns.kicks * kicked[:, i])[0] / response.step
-                spread[:, i] += self._rest(carried)
-            variances += turns.kicks @ kicked**2
-        value = float(np.sum(np.log(variances / norms[:2] ** 2)))
-        # Gradient by the columns: P = J·(JᵀJ)⁻¹, dP = (1 - PJᵀ)·dJ·(JᵀJ)⁻¹ - P·dJᵀ·P.
-        change = np.zeros_like(unit)
-        change[:, :2] = 2 * spread / variances
-        by_column = (change - weights @ (unit.T @ change)) @ inverse
-        by_column = self._rest((by_column - weights @ (change.T @ weights)) / norms)
-        by_place, by_slope = -by_column[:, 0], by_column[:, 1] - response.rate * by_column[:, 0]
-        gradient = response.returned(by_place, by_slope)
-        column = 2
-        if turns is not None:
-            none = np.zeros(pull.size)
-            by_sign = response.returned(by_column[:, column], none)
-            gradient = gradient + turns.returned(response, by_sign, kicked**2 @ (1 / variances))
-            column += 1
-        if not self.delay_known:
-            # Whitening is causal like the response: transposed, it runs backwards.
-            weight = response.whitened(by_column[::-1, column])[::-1]
-            gradient = gradient + response.speed_returned(weight)
-        return value, gradient
-
-    def _rest(self, table: FloatArray) -> FloatArray:
-        """What the unknown start and constant force leave of columns."""
-        return table - self.unknowns @ (self.unknowns.T @ table)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Turns:
-    """Smooth sign of the velocity in each interval and what it costs not to know it."""
-
-    sign: FloatArray  # shape (n,)
-    kicks: FloatArray  # variance of the unknown velocity kick in each interval, (m/s)², shape (n,)
-    sign_slope: FloatArray  # derivatives of both by the velocity
-    kicks_slope: FloatArray
-    kicks_bend: FloatArray  # derivative of the kicks by the acceleration
-
-    @classmethod
-    def of(cls, response: Response, friction: Friction, pull: FloatArray) -> _Turns:
-        after = response.speed(pull)
-        before = np.concatenate(([0.0], after[:-1]))
-        speed, acceleration = (after + before) / 2, (after - before) / response.step
-        width = _SMOOTH * friction.speed
-        root = np.hypot(speed, width)
-        slope, bend = width**2 / root**3, -3 * width**2 * speed / root**5
-        quick = np.hypot(acceleration, _SLOWEST_TURN * friction.acceleration)
-        # ∫ slope·|a| dt = 2 over a turn, so each gets (2·Fc/m·δv/a)² in all.
-        size = (2 * friction.grip * friction.blur) ** 2 * response.step / 2
-        return cls(
-            sign=speed / root,
-            kicks=size * slope / quick,
-            sign_slope=slope,
-            kicks_slope=size * bend / quick,
-            kicks_bend=-size * slope * acceleration / quick**3,
-        )
-
-    def returned(self, response: Response, by_sign: FloatArray, by_kicks: FloatArray) -> FloatArray:
-        """Gradient by the pull from those by sign and kicks, shape (n,)."""
-        by_speed = by_sign * self.sign_slope + by_kicks * self.kicks_slope
-        by_acceleration = by_kicks * self.kicks_bend
-        by_after = by_speed / 2 + by_acceleration / response.step
-        by_before = by_speed / 2 - by_acceleration / response.step
-        by_after[:-1] += by_before[1:]
-        return response.speed_returned(by_after)
-
-
 #: Highest frequency, as a multiple of the corner b/m or of where force or speed runs out before
 #: travel does: well above it the device hardly moves.
 _ABOVE = 3.0
@@ -450,9 +316,6 @@ _FEWEST_PERIODS = 8.0
 _FEWEST_SAMPLES = 20.0  # samples of the controller in a period of the highest frequency, at least
 #: Points of the grid in a period of the highest frequency; peaks between them are under 1 %.
 _POINTS = 24.0
-#: The velocity at a turn is as well known as readings over this part of the shortest period tell:
-#: with less care, turns become so slow that output error no longer reaches the bound.
-_WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -466,7 +329,8 @@ class DesignGrid:
     #: (mass, response) of the guess, and of the lightest and least damped device, which goes
     #: farthest, if the guesses are ranges
     devices: tuple[tuple[float, Response], ...]
-    merit: DesignCriterion  # of net forces per mass of the guess
+    #: columns that take their share of the information, orthonormal, shape (count, 3)
+    unknowns: FloatArray
 
     @classmethod
     def of(cls, spec: ExcitationSpec) -> DesignGrid:
@@ -498,25 +362,13 @@ class DesignGrid:
         devices = [(mass, device(mass, damping))]
         if not (spec.mass.exact and spec.damping.exact):
             devices.append((spec.mass.low, device(spec.mass.low, spec.damping.low)))
-        friction = None
-        if spec.coulomb_friction.value > 0:
-            window = _WINDOW / highest
-            friction = Friction(
-                grip=spec.coulomb_friction.value / mass,
-                # Standard deviation of the slope of a line through the readings of the window.
-                blur=spec.reading_noise * np.sqrt(12 * spec.sample_time / window**3),
-                speed=speed,
-                acceleration=room / mass,
-            )
-        response = devices[0][1]
-        merit = DesignCriterion(
-            response=response,
-            unknowns=response.unknowns(),
-            friction=friction,
-            delay_known=spec.delay == "known",
-        )
         return cls(
-            spec=spec, highest=highest, step=step, count=count, devices=tuple(devices), merit=merit
+            spec=spec,
+            highest=highest,
+            step=step,
+            count=count,
+            devices=tuple(devices),
+            unknowns=devices[0][1].unknowns(),
         )
 
     @property
@@ -525,10 +377,39 @@ class DesignGrid:
         return (np.arange(self.count, dtype=np.float64) + 0.5) * self.step
 
     def score(self, force: FloatArray) -> tuple[float, FloatArray]:
-        """Merit of a net force (N, shape (count,)) and its gradient by the force."""
-        mass = self.devices[0][0]
-        value, gradient = self.merit(force / mass)
+        """Merit of a net force (N, shape (count,)) on the guess, and its gradient by the force.
+
+        The logarithm of the product of both variances.
+        """
+        mass, response = self.devices[0]
+        pull, delayed = force / mass, self.spec.delay == "unknown"
+        place, slope = response.driven(pull)
+        columns = [-(place + response.rate * slope), slope]
+        if delayed:
+            columns.append(response.whitened(response.speed(pull)))
+        table = self._rest(np.stack(columns, axis=1))
+        norms: FloatArray = np.linalg.norm(table, axis=0)
+        unit: FloatArray = table / norms
+        inverse = np.asarray(np.linalg.inv(unit.T @ unit), dtype=np.float64)
+        weights: FloatArray = unit @ inverse  # the estimate is what these make of the noise
+        variances: FloatArray = np.diag(inverse)[:2]
+        value = float(np.sum(np.log(variances / norms[:2] ** 2)))
+        # Gradient by the columns: P = J·(JᵀJ)⁻¹, dP = (1 - PJᵀ)·dJ·(JᵀJ)⁻¹ - P·dJᵀ·P.
+        change = np.zeros_like(unit)
+        change[:, :2] = 2 * weights[:, :2] / variances
+        by_column = (change - weights @ (unit.T @ change)) @ inverse
+        by_column = self._rest((by_column - weights @ (change.T @ weights)) / norms)
+        by_place, by_slope = -by_column[:, 0], by_column[:, 1] - response.rate * by_column[:, 0]
+        gradient = response.returned(by_place, by_slope)
+        if delayed:
+            # Whitening is causal like the response: transposed, it runs backwards.
+            weight = response.whitened(by_column[::-1, 2])[::-1]
+            gradient = gradient + response.speed_returned(weight)
         return value, gradient / mass
+
+    def _rest(self, table: FloatArray) -> FloatArray:
+        """What the unknown start and constant force leave of columns."""
+        return table - self.unknowns @ (self.unknowns.T @ table)
 
     def loads(self, force: FloatArray) -> FloatArray:
         """Force, then position and speed of each device, as parts of their limits.

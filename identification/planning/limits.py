@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import product
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -23,17 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from identification.device.device import LIGHTEST, Device, load_device, named_devices
+from identification.device.device import LIGHTEST, load_device, named_devices
 from identification.device.hardware import SHORTEST_STEP
 from identification.device.quantities import (
-    BOX_CONFIDENCE,
     LARGEST,
     AnyQuantity,
     PositiveQuantity,
     Quantity,
     quantity,
     widen_interval,
-    widening,
 )
 from identification.documents import Document, load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
@@ -43,7 +40,7 @@ from identification.trajectory import SHORTEST, Motion
 FloatArray = NDArray[np.float64]
 
 #: Rows of the longest force planned: three minutes at 1 kHz. A simulation steps through all of
-#: them for every corner of the guesses.
+#: them for every device of the guesses.
 _MOST_SAMPLES = 200_000
 #: At least this many ramps make up a signal; the rest must still have time to excite.
 _FEWEST_RAMPS = 4
@@ -192,14 +189,14 @@ class ExcitationSpec(Document):
         guesses = (self.mass, self.damping, self.coulomb_friction, self.force_offset)
         return not all(guess.exact for guess in guesses)
 
-    def corners(self) -> tuple[Guess, ...]:
-        """The guessed device, then that of every corner of the ranges."""
-        guesses = (self.mass, self.damping, self.coulomb_friction, self.force_offset)
-        ends = product(*(sorted({guess.low, guess.high}) for guess in guesses))
-        middle = tuple(guess.value for guess in guesses)
-        return tuple(
-            Guess(mass=mass, damping=damping, coulomb_friction=friction, force_offset=offset)
-            for mass, damping, friction, offset in dict.fromkeys([middle, *ends])
+    @property
+    def guess(self) -> Guess:
+        """The guessed device."""
+        return Guess(
+            mass=self.mass.value,
+            damping=self.damping.value,
+            coulomb_friction=self.coulomb_friction.value,
+            force_offset=self.force_offset.value,
         )
 
 
@@ -381,7 +378,6 @@ _DRIFT = 0.4
 _MOST_DRIFT = 0.7
 _FEWEST = 1.25 * SHORTEST  # samples of the shortest play: its log must be long enough to be read
 _HALVINGS = 12  # bisections of the duration: to a thousandth
-_IDENTIFIED = 4  # quantities of a device that a plan rests on
 
 
 def gentle_spec(spec: ExcitationSpec) -> ExcitationSpec:
@@ -478,7 +474,7 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
             "Level or counterbalance the axis and take off springs, then identify it again",
         )
     box = device.simultaneous_box()
-    factor = _widening(device)
+    factor = device.widening()
     friction, offset = device.coulomb_friction, device.force_offset
     frictions = [friction]
     if device.friction_by_direction is not None:
@@ -495,15 +491,6 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
     }
     stated = {name: each.model_dump() for name, each in changes.items()}
     return parse_document(ExcitationSpec, to_mapping(spec) | stated, spec.device)
-
-
-def _widening(device: Device) -> float:
-    """From half of a 95 % interval to half of the simultaneous one."""
-    joint = device.covariance
-    if joint is None:
-        return widening(_IDENTIFIED, float("inf"), BOX_CONFIDENCE)
-    count = max(_IDENTIFIED, len(joint.parameters))
-    return widening(count, joint.degrees_of_freedom, BOX_CONFIDENCE)
 
 
 def _not_negative(value: float, low: float, high: float) -> Quantity:

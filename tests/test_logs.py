@@ -9,14 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.io
 
 from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
-
-ROWS = 300
-TIME = np.arange(ROWS) * 1e-3
-FORCE = np.sin(40 * TIME)
-POSITION = 0.01 * np.cos(40 * TIME)
+from tests.packed_logs import FORCE, POSITION, ROWS, TIME, mat
 
 
 def table(separator: str = ",", header: str = "time,force,position", **extra: Any) -> str:
@@ -55,13 +50,6 @@ def test_numbers_are_read_to_the_last_bit(tmp_path: Path, name: str, end: str) -
     np.testing.assert_array_equal(log.position, [1 / (k + 3) for k in range(ROWS)])
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-@pytest.mark.parametrize("mark", ["", "# ", "\ufeff"])
-def test_separators_and_header_marks(tmp_path: Path, separator: str, mark: str) -> None:
-    log = load_trajectory(written(tmp_path, mark + table(separator)))
-    np.testing.assert_array_equal(log.position, POSITION)
-
-
 def test_windows_line_ends_and_spaces(tmp_path: Path) -> None:
     text = table().replace(",", " , ").replace("\n", "\r\n")
     np.testing.assert_array_equal(load_trajectory(written(tmp_path, text)).force, FORCE)
@@ -85,12 +73,6 @@ def test_names_gains_axis_and_motion(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.reference, (POSITION + 1) * 2e-3)
     assert (log.axis, log.motion) == ("elbow", "rotary")
     assert load_trajectory(written(tmp_path, text), columns, axis="knee").axis == "knee"
-
-
-def test_a_column_named_reference_is_taken_unasked(tmp_path: Path) -> None:
-    log = load_trajectory(written(tmp_path, table(reference=POSITION)))
-    assert log.reference is not None
-    assert load_trajectory(written(tmp_path, table(Reference=POSITION))).reference is None
 
 
 @pytest.mark.parametrize("gain", [0.0, float("nan"), float("inf")])
@@ -170,12 +152,6 @@ def test_missing_files_folders_and_other_endings(tmp_path: Path) -> None:
         load_trajectory(written(tmp_path, table(), "log.foo"))
 
 
-def mat(folder: Path, **variables: Any) -> Path:
-    path = folder / "log.mat"
-    scipy.io.savemat(path, {"time": TIME, "force": FORCE, "position": POSITION} | variables)
-    return path
-
-
 @pytest.mark.parametrize("shape", [(ROWS, 1), (1, ROWS)])
 def test_reads_matlab(tmp_path: Path, shape: tuple[int, int]) -> None:
     path = mat(tmp_path, force=FORCE.reshape(shape), reference=POSITION)
@@ -184,18 +160,6 @@ def test_reads_matlab(tmp_path: Path, shape: tuple[int, int]) -> None:
     assert log.reference is None
     asked = load_trajectory(path, LogColumns(reference="reference"))
     assert asked.reference is not None
-
-
-def test_matlab_missing_variable(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match=r"'q'.*time, force, position.*--position"):
-        load_trajectory(mat(tmp_path), LogColumns(position="q"))
-
-
-@pytest.mark.parametrize("end", [10, 130, 500, 2000])
-def test_torn_matlab_files(tmp_path: Path, end: int) -> None:
-    whole = mat(tmp_path).read_bytes()
-    with pytest.raises(InvalidInputError):
-        load_trajectory(written(tmp_path, whole[:end], "torn.mat"))
 
 
 @pytest.mark.parametrize("head", [b"", b"MATLAB 7.3 MAT-file".ljust(512)])

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, time, timedelta
 from io import BytesIO
+from itertools import islice
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -30,11 +31,10 @@ from identification.readers.columns import (
 from identification.readers.text import (
     FEWEST_COLUMNS,
     MOST_COLUMNS,
-    Table,
     beginning_of,
     find_table,
     read_samples,
-    table_by_numbers,
+    table_of,
 )
 
 if TYPE_CHECKING:
@@ -201,6 +201,8 @@ def _array(archive: ZipFile, name: str, kind: np.dtype[Any]) -> FloatArray:
 
 #: Empty rows in a row; a cell far away makes a million of them.
 _MOST_EMPTY = 1000
+#: Rows of a sheet in which a log is looked for.
+_BEGINNING = 220
 #: Where workbooks count days from.
 _START = datetime(1900, 1, 1)
 
@@ -221,28 +223,26 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
     reader: Any = openpyxl
     with refused_as(path, "Excel workbook", "Save it again as .xlsx, or export the sheet as CSV"):
         book = reader.load_workbook(BytesIO(content), read_only=True, data_only=True)
-        named: list[tuple[str, _Sheet, Table]] = []
-        others: list[_Sheet] = []
-        for each in book.worksheets:
-            sheet = _Sheet(path, each)
-            table = find_table(path, beginning_of(sheet.text), columns)
-            if table is not None:
-                named.append((each.title, sheet, table))
-            elif sheet.text.strip():
+        named: list[Any] = []
+        others: list[Any] = []
+        for sheet in book.worksheets:
+            first = _Sheet(path, sheet, _BEGINNING).text
+            if find_table(path, beginning_of(first), columns) is not None:
+                named.append(sheet)
+            elif first.strip():
                 others.append(sheet)
         if len(named) > 1:
-            names = ", ".join(f"'{quote(name)}'" for name, *_ in named[:10])
+            names = ", ".join(f"'{quote(sheet.title)}'" for sheet in named[:10])
             problem = f"has several sheets with the columns of a log: {names}"
             raise InvalidInputError(path, problem, "Keep one of them in the file")
         if not named and not others:
             raise InvalidInputError(path, "has no table on any sheet", "Export the log again")
-        if not named:  # tells what is missing
-            table = table_by_numbers(path, beginning_of(others[0].text), columns)
-            named = [("", others[0], table)]
-        name, sheet, table = named[0]
-        reading = read_samples(path, sheet.text, table)
-        notes = () if len(book.worksheets) == 1 else (f"sheet '{quote(name)}'",)
-        moments = table.places["time"] in sheet.first
+        chosen = (named or others)[0]
+        cells = _Sheet(path, chosen)
+        table = table_of(path, cells.text, columns)
+        reading = read_samples(path, cells.text, table)
+        notes = () if len(book.worksheets) == 1 else (f"sheet '{quote(chosen.title)}'",)
+        moments = table.places["time"] in cells.first
         return replace(reading, notes=(*notes, *reading.notes), in_seconds=moments)
 
 
@@ -254,13 +254,18 @@ class _Sheet:
         first: the first date, time of day or duration by column; cells are seconds since.
     """
 
-    def __init__(self, path: Path, sheet: Any) -> None:
-        """Takes a sheet of openpyxl."""
+    def __init__(self, path: Path, sheet: Any, most: int | None = None) -> None:
+        """Takes a sheet of openpyxl, so many of its rows at most."""
         self.first: dict[int, timedelta] = {}
-        rows = ("\t".join(map(self._cell, range(len(row)), row)) for row in _rows(path, sheet))
+        rows = (
+            "\t".join(map(self._cell, range(len(row)), row))
+            for row in islice(_rows(path, sheet), most)
+        )
         self.text = "\n".join(rows).rstrip("\t\n").encode() + b"\n"
 
     def _cell(self, place: int, cell: Any) -> str:
+        if isinstance(cell, (int, float)):
+            return repr(cell)
         moment = cell
         if isinstance(moment, time):
             moment = datetime.combine(_START, moment)

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -138,7 +137,7 @@ def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     _refuse_packed(path, content)
     content, notes = _as_utf8(path, content)
     _refuse_zeros(path, content)
-    table = _table_of(path, content, columns)
+    table = table_of(path, content, columns)
     reading = read_samples(path, content, table)
     if table.notes or table.header or table.separator == " " or table.decimal == "comma":
         if table.separator != "," and table.header >= 0:
@@ -216,19 +215,19 @@ def _refuse_zeros(path: Path, content: bytes) -> None:
     )
 
 
-def _table_of(path: Path, content: bytes, columns: LogColumns) -> Table:
+def table_of(path: Path, content: bytes, columns: LogColumns) -> Table:
     """Where the log stands in a file of UTF-8 text.
 
     Raises InvalidInputError for what is not certain, with the option that makes it so.
     """
     lines = beginning_of(content)
-    samples = _first_samples(lines)
     counted = any(map(str.isdecimal, (columns.time, columns.force, columns.position)))
-    if not (counted and samples and samples[0] < 0):
+    samples = _first_samples(lines) if counted else None
+    if samples is None or samples[0] >= 0:
         found = find_table(path, lines, columns)
         if found is not None:
             return found
-    return table_by_numbers(path, lines, columns)
+    return _table_by_numbers(path, lines, columns)
 
 
 def find_table(path: Path, lines: Sequence[str], columns: LogColumns) -> Table | None:
@@ -269,7 +268,7 @@ def find_table(path: Path, lines: Sequence[str], columns: LogColumns) -> Table |
     return named
 
 
-def table_by_numbers(path: Path, lines: Sequence[str], columns: LogColumns) -> Table:
+def _table_by_numbers(path: Path, lines: Sequence[str], columns: LogColumns) -> Table:
     """The table of the first line of numbers, its header the last line above of as many cells.
 
     Without one the columns have their places for names. Raises InvalidInputError where these are
@@ -447,14 +446,8 @@ def beginning_of(content: bytes) -> list[str]:
     if len(start) < len(content):
         whole = start[: start.rfind(b"\n") + 1]
         start = whole if whole.strip(_MARK + b" \t\r\n") else content[: 2 * _LONGEST_HEADER]
-    found: list[str] = []
-    for line in islice(BytesIO(start), _MOST_ABOVE + _MOST_BELOW):
-        try:
-            text = line.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = line.decode("cp1252", "replace")
-        found.append(text.rstrip("\r\n").replace("\0", ""))
-    return found
+    lines = start.decode("utf-8-sig", "replace").replace("\0", "").removesuffix("\n").split("\n")
+    return [line.rstrip("\r") for line in lines[: _MOST_ABOVE + _MOST_BELOW]]
 
 
 def _split_line(line: str, separator: str) -> list[str]:
@@ -499,6 +492,9 @@ def _decimal_of(path: Path, table: Table, rows: Sequence[str], columns: LogColum
     """What stands before decimals in the columns of the log. Raises InvalidInputError."""
     if columns.decimal is not None:
         return columns.decimal
+    mark = '"' if table.separator == "," else ","
+    if not any(mark in line for line in rows):
+        return "point"
     places = sorted(table.places.values())
     doubtful = comma = point = ""
     for number, line in enumerate(rows, table.first + 1):
@@ -544,9 +540,8 @@ def read_samples(path: Path, content: bytes, table: Table) -> Reading:
     if plain is not None:
         return Reading(values=plain, names=table.wanted, notes=table.notes)
     places = sorted(set(table.places.values()))
-    if (
-        table.first == 1 and separator != " "
-    ):  # so that nobody holds the lines of a plain file twice
+    if table.first == 1 and separator != " ":
+        # So that nobody holds the lines of a plain file twice.
         body, names = content, _parsed(content[:start], separator).columns
         stored = {place: names[place] for place in places}
         options: dict[str, Any] = {"columns": list(stored.values())}

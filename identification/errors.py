@@ -51,7 +51,8 @@ class _GivenError(IdentificationError):
         self.subject = printable(fspath(subject))
         self.problem = printable(problem)
         self.remedy = printable(remedy)
-        super().__init__(f"{self.subject}: {self.problem}. {self.remedy}")
+        stop = "" if self.problem.endswith("?") else "."
+        super().__init__(f"{self.subject}: {self.problem}{stop} {self.remedy}")
 
 
 class InvalidInputError(_GivenError):

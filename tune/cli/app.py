@@ -139,7 +139,8 @@ def _report_usage(error: Exception) -> None:
     if text.startswith("Usage:"):  # no command was given: the text is the help
         print(text, file=sys.stderr)  # noqa: T201
         return
-    sentence = " ".join(text.replace("Value error, ", "").split()).rstrip(".")
+    sentence = " ".join(text.replace("Value error, ", "").split()).removesuffix(".") + "."
+    sentence = sentence.replace("?.", "?")
     Session(command=command, as_json="--json" in sys.argv, quiet=False).finish(
-        Exit.USAGE, f"{sentence}. See '{path} --help'"
+        Exit.USAGE, f"{sentence} See '{path} --help'"
     )

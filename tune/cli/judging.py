@@ -81,15 +81,15 @@ def audit_command(
             extra_delay_samples=extra_delay_samples,
         )
     session.details |= _audit_details(found)
-    session.say(audit_table(found))
     session.details["taken_on_trust"] = trusted = trusted_facts(found.design.device)
-    session.say_each(f"taken on trust: {line}" for line in trusted)
-    proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
     wrong = " and ".join(dict.fromkeys(fault.limit for fault in found.faults))
-    verdict = proved if found.safe else f"NOT SAFE: {wrong}"
+    proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
+    verdict = f"NOT SAFE: {wrong}" if wrong else proved
+    session.say(verdict)
+    session.say(audit_table(found))
+    session.say_each(f"taken on trust: {line}" for line in trusted)
     draw_profile(session, picture, found.design, verdict)
     if found.safe:
-        session.say(proved)
         return
     faults = [f"{f.limit}: {f.seen}; needed: {f.needed}\n  {f.remedy}" for f in found.faults]
     nearest = " ".join(f"--{name} {value:.6g}" for name, value in _nearest(found).items() if value)

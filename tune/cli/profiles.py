@@ -215,8 +215,7 @@ def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bo
         "rehearsed": "settles",
     }
     session.say(f"{verdict_on(profile)}; it settles in simulation")
-    if not compare:
-        session.say(elements_table(profile) if session.verbose else effects_table(profile))
+    session.say(elements_table(profile) if session.verbose else effects_table(profile))
     unmet = tuple(unmet_wishes(profile, wish.scene))
     told = {finding.seen for finding in unmet}
     session.say_each(note for note in profile.notes if note.partition(". ")[0] not in told)

@@ -404,9 +404,12 @@ Allow = Annotated[
 MethodOption = Annotated[Method, Option(help="Estimator.")]
 MarginOption = Annotated[
     Literal["conservative", "balanced", "firm"] | None,
-    Option(help="Margin instead of the scene's."),
+    Option(help="Margin; default the scene's, balanced without one."),
 ]
-Candidates = Annotated[bool, Option("--candidates", help="Show all three margins side by side.")]
+Candidates = Annotated[
+    bool,
+    Option("--candidates", help="Show all margins, more stiffness and more mass side by side."),
+]
 WhatIf = Annotated[
     bool,
     Option(

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from identification import Device, Motion, Quantity
-    from tune.documents.perception import Estimate
     from tune.documents.profile import Certificate, Contact, LoopProfile, SafeProfile
     from tune.documents.scene import MarginName
     from tune.judging import Audit
@@ -194,40 +193,28 @@ def filters_in_words(loop: LoopProfile) -> str:
 def candidates_table(
     found: tuple[Candidate, ...], rows: tuple[CandidateEffect, ...], chosen: MarginName
 ) -> Table:
-    """One column a candidate; the recommended one has a star, what does not fit is folded."""
+    """One column a candidate, of each effect its value and its steps; the best has a star."""
     profiles = [candidate.profile for candidate in found if candidate.profile is not None]
     units = UNITS[profiles[0].device.motion] if profiles else {}
     place = f"{profiles[0].scene} on {profiles[0].device.name}, " if profiles else ""
-    marked = [
-        f"{'> ' if each.name == chosen else ''}{each.name}{' *' if each.recommended else ''}"
+    marked = {
+        each.name: f"{each.name}{' >' * (each.name == chosen)}{' *' * each.recommended}"
         for each in found
-    ]
+    }
     table = headed_table(
-        f"{place}candidates (* recommended, > chosen)", ("effect", *marked), right=marked
+        f"{place}candidates (* recommended, > chosen): value and steps of each effect",
+        ("effect", *marked.values()),
+        right=marked.values(),
     )
-    by_effect: dict[str, dict[str, CandidateEffect]] = {}
-    for row in rows:
-        by_effect.setdefault(f"{row.element} {row.effect}", {})[row.candidate] = row
-    for label, each in by_effect.items():
-        cells = [_candidate_cells(each.get(candidate.name), units) for candidate in found]
-        labels = (label, "  steps", "  gain", "  delay", "  ripple", "  limited by")
-        for first, *others in zip(labels, *cells, strict=True):
-            table.add_row(first, *others)
+    told = {(row.element, row.effect, row.candidate): row for row in rows}
+    for element, effect in dict.fromkeys((row.element, row.effect) for row in rows):
+        cells = [told.get((element, effect, name)) for name in marked]
+        values = [four_digits(each.value) if each and each.value else "-" for each in cells]
+        table.add_row(f"{element} {effect}, {units[effect]}", *values)
+        table.add_row(
+            "  steps", *("-" if each is None else f"{each.steps.value:.3g}" for each in cells)
+        )
     return table
-
-
-def _candidate_cells(row: CandidateEffect | None, units: dict[str, str]) -> tuple[str, ...]:
-    """Value, steps, gain, delay, ripple and what binds; dashes where the margin has no profile."""
-    if row is None:
-        return ("-",) * 6
-    return (
-        f"{row.value:.6g} {units[row.effect]}" if row.value else "-",
-        _steps(row.steps),
-        f"{row.gain:.4g}",
-        f"{_further_delay(row.extra_delay_samples)} T",
-        "-" if row.ripple is None else f"{row.ripple:.2g} {units['force']}",
-        row.limited_by,
-    )
 
 
 def candidates_lines(
@@ -250,12 +237,6 @@ def candidates_lines(
         alike = "the same effects with every candidate: here the conservative one costs nothing"
         lines.append(alike)
     return tuple(lines)
-
-
-def _steps(steps: Estimate) -> str:
-    if steps.low is None or steps.high is None or steps.value == 0:
-        return f"{steps.value:.3g}"
-    return f"{steps.value:.3g} ({steps.low:.2g} to {steps.high:.2g})"
 
 
 def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
@@ -436,13 +417,13 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
     for name, jump in found.jumps.items():
         yield f"one count through {name}", f"{jump:.3g} {force}", "-"
     speed = f"{design.elements[ELEMENT].motion.speed:g} {units['speed']}"
-    for words in _contact_words(found.wall, units, speed):
-        yield "as a wall that only pushes, a free device", words, "-"
+    met = ", ".join(_contact_words(found.wall, units, speed))
+    yield "as a wall that only pushes, a free device", met or "-", "-"
     if margins is None:
         return
     yield "slowest decay", f"{margins.decay:.4g} 1/s", "-"
     yield "least damping ratio", f"{margins.damping_ratio:.3g}", "-"
-    yield "phase margin", f"{margins.phase:.3g}°", "-"
+    yield "phase margin", f"{margins.phase:.3g}°" if math.isfinite(margins.phase) else "-", "-"
     seen = f"{margins.disk:.3g} at {margins.critical_frequency_hz:.3g} Hz"
     yield "disk margin", seen, "-"
     passive = found.passivity

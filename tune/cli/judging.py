@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -135,13 +136,9 @@ def _audit_details(found: Audit) -> dict[str, object]:
 
     margins, design = found.margins, found.design
     limit = design.device.force_limit
-
-    def number(value: float | None) -> float | None:
-        return None if value is None or not math.isfinite(value) else float(value)
-
     return {
         "safe": found.safe,
-        "loop": design.loop.model_dump(mode="json"),
+        "loop": design.loop,
         "needed": {
             "gain_margin": design.margin.gain,
             "extra_delay_samples": design.margin.extra_delay_samples,
@@ -149,23 +146,23 @@ def _audit_details(found: Audit) -> dict[str, object]:
             "peak_force": limit and limit.peak,
             "ripple": design.ripple_limit,
         },
-        "gain_margin": number(found.gain),
-        "extra_delay_samples": number(found.delay_samples),
+        "gain_margin": found.gain,
+        "extra_delay_samples": found.delay_samples,
         "jitter": found.jitter,
         "sustained_force": found.sustained,
         "peak_force": found.peak,
-        "ripple": number(found.ripple),
+        "ripple": found.ripple,
         "one_count": found.jumps,
-        "wall": found.wall.model_dump(mode="json"),
+        "wall": found.wall,
         "speed": design.elements[ELEMENT].motion.speed,
-        "slowest_decay": number(margins and margins.decay),
-        "damping_ratio": number(margins and margins.damping_ratio),
-        "phase_margin_degrees": number(margins and margins.phase),
-        "disk_margin": number(margins and margins.disk),
-        "critical_frequency_hz": number(margins and margins.critical_frequency_hz),
+        "slowest_decay": margins and margins.decay,
+        "damping_ratio": margins and margins.damping_ratio,
+        "phase_margin_degrees": margins and margins.phase,
+        "disk_margin": margins and margins.disk,
+        "critical_frequency_hz": margins and margins.critical_frequency_hz,
         "passive": margins and found.passivity.passive,
         "passive_above_damping": margins and found.passivity.damping_needed,
-        "faults": [asdict(fault) for fault in found.faults],
+        "faults": found.faults,
         "nearest": None if found.nearest is None else _nearest(found),
     }
 
@@ -186,12 +183,7 @@ def check_command(
 ) -> None:
     """Re-compute all that a profile says; exit code 6 if anything differs."""
     from tune.certificate.check import OPINIONS, TAKEN_ON_TRUST, check
-    from tune.presentation.tables import (
-        certificate_lines,
-        effects_table,
-        elements_table,
-        verdict_on,
-    )
+    from tune.presentation.tables import certificate_lines, effects_table, verdict_on
 
     session.target(picture, profile, None if device is None else Path(device))
     known = None if device is None else ident.as_stored(ident.load_device(device))
@@ -204,8 +196,7 @@ def check_command(
     session.details["certificate"] = ident.to_mapping(report.certificate)
     session.say(f"{profile} passed: what it claims was found anew; --verbose lists what is trusted")
     session.say(verdict_on(report.profile))
-    shown = elements_table if session.verbose else effects_table
-    session.say(shown(report.profile))
+    session.say(effects_table(report.profile, everything=session.verbose))
     session.detail(*certificate_lines(report.certificate))
     trusted = {
         each.key: each.reason for each in TAKEN_ON_TRUST if known is None or each.key != "device"
@@ -457,7 +448,7 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     for each in advice:
         table.add_row(" + ".join(each.elements), each.words(safe.device.motion))
     session.say(table)
-    session.details["play"] = [_advice_details(each) for each in advice]
+    session.details["play"] = _advice_details(advice)
 
 
 def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
@@ -466,7 +457,7 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
 
     with session.progress() as say:
         (advice,) = advise(safe, (seen.elements,), say)
-    session.details["play"] = [_advice_details(advice)]
+    session.details["play"] = _advice_details((advice,))
     allowed, play = seen.delay.allowed, advice.play
     more = play is not None and (play.elements != seen.elements or play.gain > _MORE * seen.gain)
     if more or allowed is None or allowed.delays is None:
@@ -478,11 +469,14 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
     )
 
 
-def _advice_details(advice: Advice) -> dict[str, object]:
-    play = None if advice.play is None else asdict(advice.play)
-    if play is not None:
-        play = {"moment": play.pop("elements"), **play}
-    return {"to_verify": list(advice.elements), "play": play, "why": advice.why}
+def _advice_details(advice: Iterable[Advice]) -> list[dict[str, object]]:
+    def play(each: Advice) -> dict[str, object] | None:
+        if each.play is None:
+            return None
+        told = asdict(each.play)
+        return {"moment": told.pop("elements"), **told}
+
+    return [{"to_verify": e.elements, "play": play(e), "why": e.why} for e in advice]
 
 
 def _verification_table(seen: Verification) -> Table:
@@ -503,11 +497,11 @@ def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[
     allowed = seen.delay.allowed
     return {
         "log": seen.source,
-        "elements": list(seen.elements),
-        "gain": seen.gain if math.isfinite(seen.gain) else None,
-        "checks": [asdict(each) for each in seen.outcomes],
-        "filters": [asdict(each) for each in seen.cutoffs],
-        "delay": None if allowed is None or allowed.delays is None else list(allowed.delays),
+        "elements": seen.elements,
+        "gain": seen.gain,
+        "checks": seen.outcomes,
+        "filters": seen.cutoffs,
+        "delay": allowed and allowed.delays,
         "longer_delays_not_looked_at": allowed is not None and allowed.open_ended,
         "margins": [
             {"moment": each.elements, "lost_at": each.lost_at}

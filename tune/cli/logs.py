@@ -10,12 +10,12 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import identification as ident
 from identification import (
-    IdentificationError,
     InvalidInputError,
     LogRefusedError,
     QuestionError,
@@ -25,6 +25,7 @@ from tune.cli import session as opt
 from tune.cli.session import Session, command
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from rich.table import Table
 
     from identification import (
@@ -69,11 +70,10 @@ def identify_command(
         refusal = refusal_of(result.device)
         if refusal is not None:
             session.warn(f"tune will refuse this device: {refusal}")
-    before = None if picture is None else device_in(output)
     session.write(
         output, ident.to_yaml(ident.to_mapping(result.device), DEVICE_COMMENT), dry_run=dry_run
     )
-    draw_identified(session, picture, result, before)
+    session.draw(picture, lambda: ident.identified_picture(result.device, result.logs))
 
 
 def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:
@@ -177,26 +177,6 @@ def _log_details(fit: LogFit) -> LogIdentified:
     }
 
 
-def device_in(output: Path) -> Device | None:
-    """The device that a file states which is about to be replaced; None where there is none."""
-    if not output.is_file():
-        return None
-    try:
-        content = ident.load_mapping(output)
-        inside: object = content.get("device")
-        known = cast("dict[str, object]", inside) if isinstance(inside, dict) else content
-        return ident.parse_document(ident.Device, known, output)
-    except IdentificationError:
-        return None
-
-
-def draw_identified(
-    session: Session, picture: Path | None, found: Identification, before: Device | None
-) -> None:
-    """Draw fit, residual, friction and intervals of an identification."""
-    session.draw(picture, lambda: ident.identified_picture(found.device, found.logs, before=before))
-
-
 @command()
 def doctor_command(
     session: Session,
@@ -232,7 +212,8 @@ def doctor_command(
         examined.append(_examined(seen))
         session.say(_examination_table(seen))
         session.say(_verdict(seen))
-        _draw(session, picture and _numbered(picture, place), trajectory, seen)
+        drawn = partial(_drawn, trajectory, seen)
+        session.draw(picture and _numbered(picture, place), drawn)
         findings += seen.findings
         refused = refused or seen.refused
     if refused:
@@ -245,14 +226,11 @@ def _numbered(picture: Path, place: int) -> Path:
     return picture if place == 0 else picture.with_stem(f"{picture.stem}-{place + 1}")
 
 
-def _draw(
-    session: Session, picture: Path | None, trajectory: Trajectory, seen: Examination
-) -> None:
-    """Draw what identify makes of one log, or the log alone if it makes nothing of it."""
+def _drawn(trajectory: Trajectory, seen: Examination) -> Figure:
+    """What identify makes of one log, or the log alone if it makes nothing of it."""
     if seen.found is None:
-        session.draw(picture, lambda: ident.log_picture(trajectory))
-    else:
-        draw_identified(session, picture, seen.found, None)
+        return ident.log_picture(trajectory)
+    return ident.identified_picture(seen.found.device, seen.found.logs)
 
 
 def _examination_table(seen: Examination) -> Table:

@@ -19,9 +19,7 @@ from tune.cli.logs import (
     DEVICE_COMMENT,
     HARDWARE,
     ask_facts,
-    device_in,
     device_stating,
-    draw_identified,
     identification_details,
     identify_logs,
     read_log,
@@ -32,8 +30,6 @@ from tune.cli.session import Session, command
 from tune.documents import CheckFailedError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from identification import Device, Hardware, LogColumns, Trajectory
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import Design, SafeProfile
@@ -125,10 +121,9 @@ def calibrate_command(
         subject=hardware or f"the device of {logs[0].name}", where=_IN_HARDWARE
     )
     profile = tune_device(session, found.device, wish, compare=candidates)
-    before = None if picture is None else device_in(output)
     _write_profile(session, output, profile, dry_run=dry_run)
     if picture is not None:
-        draw_identified(session, picture, found, before)
+        session.draw(picture, lambda: ident.identified_picture(found.device, found.logs))
         draw_profile(session, _further_picture(picture, "profile"), profile)
 
 
@@ -195,12 +190,7 @@ def tune_device(
 def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bool) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
     from tune.optimisation.describe import unmet_wishes
-    from tune.presentation.tables import (
-        certificate_lines,
-        effects_table,
-        elements_table,
-        verdict_on,
-    )
+    from tune.presentation.tables import certificate_lines, effects_table, verdict_on
 
     if compare:
         profile = _choose_candidate(session, device, wish)
@@ -215,7 +205,7 @@ def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bo
         "rehearsed": "settles",
     }
     session.say(f"{verdict_on(profile)}; it settles in simulation")
-    session.say(elements_table(profile) if session.verbose else effects_table(profile))
+    session.say(effects_table(profile, everything=session.verbose))
     unmet = tuple(unmet_wishes(profile, wish.scene))
     told = {finding.seen for finding in unmet}
     session.say_each(note for note in profile.notes if note.partition(". ")[0] not in told)
@@ -371,13 +361,10 @@ def draw_profile(
     session: Session, picture: Path | None, profile: Design, verdict: str | None = None
 ) -> None:
     """Draw region and limits of every element, with a verdict in the title."""
-
-    def sheet() -> Figure:
+    if picture is not None:
         from tune.presentation.pictures import profile_sheet
 
-        return profile_sheet(profile, verdict)
-
-    session.draw(picture, sheet)
+        session.draw(picture, lambda: profile_sheet(profile, verdict))
 
 
 def _further_picture(picture: Path, what: str) -> Path:

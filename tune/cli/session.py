@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import math
 import os
 import re
 import signal
@@ -71,7 +70,7 @@ class Session:
     quiet: bool
     verbose: bool = False
     no_input: bool = False
-    findings: list[dict[str, str]] = field(default_factory=list[dict[str, str]])
+    findings: list[Finding] = field(default_factory=list["Finding"])
     targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
     details: dict[str, object] = field(default_factory=dict[str, object])
@@ -124,9 +123,9 @@ class Session:
 
     def add_findings(self, findings: tuple[Finding, ...], *, quiet: bool | None = None) -> None:
         """Keep findings for the JSON result and warn on standard error, unless that is quiet."""
-        for finding in findings:
-            self.findings.append(asdict(finding))
-            if not self.as_json and not (self.quiet if quiet is None else quiet):
+        self.findings += findings
+        if not self.as_json and not (self.quiet if quiet is None else quiet):
+            for finding in findings:
                 _print_error(f"{finding.severity}: {finding}")
 
     def warn(self, sentence: str) -> None:
@@ -241,6 +240,8 @@ class Session:
     def finish(self, code: Exit, message: str = "") -> int:
         """Print how it ended and return the exit code."""
         if self.as_json:
+            from pydantic_core import to_json
+
             result: dict[str, object] = {
                 "schema": "haptune/result/1",
                 "command": self.command,
@@ -253,7 +254,8 @@ class Session:
                 result["details"] = self.details
             if message:
                 result["message"] = printable(message)
-            print(json.dumps(_finite(result), allow_nan=False), flush=True)  # noqa: T201
+            plain = json.loads(to_json(result, inf_nan_mode="null"))  # what is not finite is null
+            print(json.dumps(plain), flush=True)  # noqa: T201
         if message:
             self._complain(message)
         return code or self.delivery_exit_code()
@@ -315,7 +317,7 @@ def _end_failed(session: Session, error: BaseException) -> int:
     ignore_signals()
 
     if isinstance(error, LogRefusedError):
-        session.findings += [asdict(finding) for finding in error.findings]
+        session.findings += error.findings
         lines = [f"{finding.severity}: {finding}" for finding in error.findings]
         return session.finish(Exit.LOG_REFUSED, "log refused\n" + "\n".join(lines))
     if isinstance(error, NotWrittenError):
@@ -324,7 +326,7 @@ def _end_failed(session: Session, error: BaseException) -> int:
     if isinstance(error, CheckFailedError) and len(error.failures) > 1:
         return session.finish(Exit.CHECK_FAILED, "\n".join(("check failed", *error.failures)))
     if isinstance(error, UnstatedError):
-        session.details["missing"] = [asdict(fact) for fact in error.missing]
+        session.details["missing"] = error.missing
     code = Exit.of(error)
     if code is not Exit.INTERNAL_ERROR:
         return session.finish(code, str(error))
@@ -340,17 +342,6 @@ def _owner_of(path: Path) -> str | None:
     except OSError:
         return None
     return f"user {status.st_uid}, group {status.st_gid}"
-
-
-def _finite(content: object) -> object:
-    """Content of JSON with null for every number that is not finite, which JSON cannot hold."""
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    if isinstance(content, Mapping):
-        return {key: _finite(item) for key, item in cast("Mapping[str, object]", content).items()}
-    if isinstance(content, list | tuple):
-        return [_finite(item) for item in cast("list[object]", content)]
-    return content
 
 
 class Stage:

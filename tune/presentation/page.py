@@ -18,7 +18,7 @@ from tune.presentation.tables import (
     certificate_lines,
     device_line,
     device_table,
-    elements_table,
+    effects_table,
     filters_in_words,
     verdict_on,
 )
@@ -50,7 +50,7 @@ def report_html(
             "facts": list(_facts(safe, written)),
             "verdict": verdict_on(safe),
             "used": effect_uses(safe),
-            "effects": _table(elements_table(safe)),
+            "effects": _table(effects_table(safe, everything=True)),
             "notes": safe.notes,
             "limits": _limits(safe),
             "pictures": list(_pictures(safe)),

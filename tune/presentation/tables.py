@@ -68,37 +68,40 @@ def device_line(device: Device) -> str:
     return f"{device.name}: {', '.join(parts)}" + (f"; assumed: {assumed}" if assumed else "")
 
 
-def effects_table(profile: SafeProfile) -> Table:
-    """One row an effect, as narrow as a terminal: value, steps, margins, what binds."""
-    numbers = ("value", "steps", "gain", "delay")
-    table = headed_table(_placed(profile), ("effect", *numbers, "limited by"), right=numbers)
-    for label, value, unit, *margins, _, reason in _effect_rows(profile):
-        table.add_row(label, f"{four_digits(value)} {unit}" if value else "-", *margins, reason)
-    return table
+def effects_table(profile: SafeProfile, *, everything: bool = False) -> Table:
+    """One row an effect, as narrow as a terminal: value, steps, margins, what binds.
 
-
-def _placed(profile: SafeProfile) -> str:
-    """What a table of effects is headed by."""
-    return f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
-
-
-def _effect_rows(
-    profile: SafeProfile,
-) -> Iterator[tuple[str, float, str, str, str, str, str, str]]:
-    """(effect, value, its unit, steps, gain, delay, ripple, what binds) of every effect."""
-    units = UNITS[profile.device.motion]
+    With everything also the ripple, and beneath it what is felt of each element and what is met on
+    entering it.
+    """
+    units, lines = UNITS[profile.device.motion], list[str]()
+    numbers = ("value", "steps", "gain", "delay", *["ripple"] * everything)
+    title = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
+    if everything:
+        title += f"; filters: {filters_in_words(profile.loop)}"
+        lines = [*_rendered_lines(profile), *_contact_lines(profile, units)]
+        jitters = [each.margins.jitter for each in profile.elements.values()]
+        if jitters and None not in jitters:
+            least = _jitter_words(min(each or 0.0 for each in jitters))
+            lines.append(f"each step of the loop may vary by {least} (assessed, not proved)")
+    headings = ("effect", *numbers, "limited by")
+    table = headed_table(title, headings, right=numbers, caption="\n".join(lines))
     for name, element in profile.elements.items():
+        margins, noise = element.margins, element.ripple
+        ripple = "-" if noise is None else f"{noise:.2g} {units['force']}"
         for effect, reason in element.limited_by.items():
-            yield (
+            value: float = getattr(element, effect)
+            size = f"{value:.6g}" if everything else four_digits(value)
+            table.add_row(
                 f"{name} {effect}",
-                getattr(element, effect),
-                units[effect],
+                f"{size} {units[effect]}" if value else "-",
                 f"{element.perceived_steps.get(effect, 0.0):.3g}",
-                f"{element.margins.gain:.4g}",
-                f"{_further_delay(element.margins.extra_delay_samples)} T",
-                "-" if element.ripple is None else f"{element.ripple:.2g} {units['force']}",
+                f"{margins.gain:.4g}",
+                f"{_further_delay(margins.extra_delay_samples)} T",
+                *[ripple] * everything,
                 reason,
             )
+    return table
 
 
 def four_digits(value: float) -> str:
@@ -121,29 +124,6 @@ def changed_effects(before: Mapping[str, Any], profile: SafeProfile) -> str:
             if isinstance(then, int | float) and then != now:
                 lines.append(f"{name} {effect} {four_digits(then)} → {four_digits(now)} {unit}")
     return "\n".join(lines)
-
-
-def elements_table(profile: SafeProfile) -> Table:
-    """One row an effect: value, perceived steps, gain and delay margin, ripple, what binds.
-
-    Beneath it is what is felt of each element, and what is met on entering it.
-    """
-    units = UNITS[profile.device.motion]
-    numbers = ("value", "steps", "gain", "delay", "ripple")
-    lines = [*_rendered_lines(profile), *_contact_lines(profile, units)]
-    jitters = [each.margins.jitter for each in profile.elements.values()]
-    if jitters and None not in jitters:
-        least = _jitter_words(min(each or 0.0 for each in jitters))
-        lines.append(f"each step of the loop may vary by {least} (assessed, not proved)")
-    table = headed_table(
-        f"{_placed(profile)}; filters: {filters_in_words(profile.loop)}",
-        ("effect", *numbers, "limited by"),
-        right=numbers,
-        caption="\n".join(lines),
-    )
-    for label, value, unit, *rest in _effect_rows(profile):
-        table.add_row(label, f"{value:.6g} {unit}" if value else "-", *rest)
-    return table
 
 
 def _further_delay(samples: float) -> str:

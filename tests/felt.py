@@ -1,10 +1,12 @@
 """What a hand feels of an element, by an own impedance, and what of it is beyond what is asked for.
 
-docs/tuning.md, "Filters". Of filters low-passes alone.
+docs/tuning.md, "Filters".
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import comb, factorial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +31,48 @@ class Felt(NamedTuple):
     damping: Array
 
 
+@dataclass
+class Observer:
+    """So many states, the error's poles at f Hz, two of them of a damping ratio.
+
+    States of a position and its derivatives under a constant highest one, gains by Ackermann's
+    formula.
+    """
+
+    states: int
+    hertz: float
+    ratio: float = 1.0
+    sample_time: float = 1e-3
+
+    def __post_init__(self) -> None:
+        n, turn = self.states, 2 * np.pi * self.hertz * self.sample_time
+        pair = np.exp(-turn * (self.ratio + 1j * np.sqrt(1 - self.ratio**2)))
+        poles = [pair, np.conj(pair), *[np.exp(-turn)] * (n - 2)]
+        self.step = np.array([[comb(j, i) for j in range(n)] for i in range(n)], float)
+        wanted = np.eye(n, dtype=complex)
+        for pole in poles:
+            wanted = wanted @ (self.step - pole * np.eye(n))
+        seen = np.array([np.linalg.matrix_power(self.step, k + 1)[0] for k in range(n)])
+        self.gain = np.asarray((wanted @ np.linalg.inv(seen)[:, -1]).real, float)
+
+    def play(self, readings: Array, power: int) -> Array:
+        """The estimate after every reading, from rest at the first."""
+        state, found = np.zeros(self.states), np.zeros(readings.size)
+        state[0] = readings[0]
+        for place, reading in enumerate(readings):
+            state = self.step @ state
+            state = state + self.gain * (reading - state[0])
+            found[place] = state[power]
+        return found * factorial(power) / self.sample_time**power
+
+    def response(self, z: Complex, power: int) -> Complex:
+        """The estimate of motion in a sine over the motion, at points of the unit circle."""
+        one = np.eye(self.states)
+        kept = (one - np.outer(self.gain, one[0])) @ self.step
+        states: Complex = np.linalg.solve(one - kept / z[:, None, None], self.gain[:, None])
+        return np.asarray(states[:, power, 0] * (factorial(power) / self.sample_time**power))
+
+
 def low_pass(z: Complex, step: float, hertz: float | None, poles: int, ratio: float) -> Complex:
     """One pole, or a pair of a damping ratio."""
     passed = np.ones_like(z)
@@ -44,10 +88,15 @@ def felt(device: Device, loop: Any, stiffness: float, damping: float, mass: floa
     """Of the held force a sample late, over the velocity of a hand that moves in a sine."""
     step, turn = device.sample_time.value, 2j * np.pi * HERTZ
     z, ratio = np.exp(turn * step), loop.filter_damping_ratio
-    difference = (1 - 1 / z) / step
-    first = low_pass(z, step, loop.velocity_filter_hz, loop.velocity_filter_order, ratio)
-    second = low_pass(z, step, loop.acceleration_filter_hz, loop.acceleration_filter_order, ratio)
-    law = stiffness + damping * difference * first + mass * difference**2 * second
+    rates: list[Complex] = []
+    for power, name in enumerate(("velocity_filter", "acceleration_filter"), start=1):
+        kind, hertz, order = (getattr(loop, name + end) for end in ("", "_hz", "_order"))
+        if kind == "tracking":
+            rates.append(Observer(order, hertz, ratio, step).response(z, power))
+        else:
+            differences = ((1 - 1 / z) / step) ** power
+            rates.append(differences * low_pass(z, step, hertz, order, ratio))
+    law = stiffness + damping * rates[0] + mass * rates[1]
     held = (1 - 1 / z) / (turn * step) * np.exp(-turn * device.delay.value)
     # A spring is felt as one; what it has of mass by its lag is not counted.
     whole = held * law / turn

@@ -13,13 +13,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol, cast
+from typing import Any, Literal, NamedTuple, Protocol, cast
 
 FilterKind = Literal["low-pass", "tracking"]
 Derivative = Literal["velocity", "acceleration"]
 DERIVATIVES: tuple[Derivative, ...] = ("velocity", "acceleration")
 #: Differences of each, k; also the poles of a low-pass where nobody states them.
 DIFFERENCES: dict[Derivative, int] = {"velocity": 1, "acceleration": 2}
+#: What the names of kind, cut-off and order end in.
+_ENDS = "", "_hz", "_order"
+#: Kinds, with poles or states, of which one is chosen where none is stated, the usual first; those
+#: of both filters that go together stand at one place.
+KINDS: dict[Derivative, tuple[tuple[FilterKind, int], ...]] = {
+    "velocity": (("low-pass", 1), ("low-pass", 2), ("tracking", 3)),
+    "acceleration": (("low-pass", 2), ("low-pass", 2), ("tracking", 4)),
+}
+#: Likewise damping ratios, with each of them.
+RATIOS = (1.0, 0.5)
 
 
 class FilterSettings(Protocol):
@@ -47,9 +57,22 @@ class Filter(NamedTuple):
 
 def filter_of(settings: FilterSettings, which: Derivative) -> Filter:
     """One of the filters of anything that holds the settings of both."""
-    ends = "", "_hz", "_order"
-    kind, hertz, order = (getattr(settings, f"{which}_filter{end}") for end in ends)
+    kind, hertz, order = (getattr(settings, f"{which}_filter{end}") for end in _ENDS)
     return Filter(cast("FilterKind", kind), hertz, order)
+
+
+def idle_settings(settings: FilterSettings, *, damping: bool, mass: bool) -> dict[str, Any]:
+    """Settings of filters that these effects do not use, at their defaults."""
+    idle: dict[str, Any] = {} if damping else {"velocity_window_samples": None}
+    pairs = False
+    for which, acts in zip(DERIVATIVES, (damping, mass), strict=True):
+        _, hertz, order = filter_of(settings, which)
+        if acts and hertz is not None:
+            pairs |= order >= 2
+            continue
+        defaults = "low-pass", None, DIFFERENCES[which]
+        idle |= zip((f"{which}_filter{end}" for end in _ENDS), defaults, strict=True)
+    return idle if pairs else idle | {"filter_damping_ratio": 1.0}
 
 
 def strange_order(which: Derivative, kind: FilterKind, order: object) -> str | None:

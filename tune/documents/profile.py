@@ -20,7 +20,13 @@ from identification import (
     to_yaml,
 )
 from tune.documents import CheckFailedError
-from tune.documents.estimators import DERIVATIVES, FilterKind, filter_of, strange_order
+from tune.documents.estimators import (
+    DERIVATIVES,
+    FilterKind,
+    filter_of,
+    idle_settings,
+    strange_order,
+)
 from tune.documents.scene import (
     EFFECT_NAMES,
     LARGEST,
@@ -276,15 +282,7 @@ class LoopProfile(Document):
 
     def with_effects(self, *, damping: bool, mass: bool) -> LoopProfile:
         """The loop with the filters that these effects use, what they do not use at its default."""
-        defaults = {name: field.default for name, field in LoopProfile.model_fields.items()}
-        used = {"velocity_window_samples": damping, "filter_damping_ratio": False}
-        for which, acts in zip(DERIVATIVES, (damping, mass), strict=True):
-            _, hertz, order = filter_of(self, which)
-            there = acts and hertz is not None
-            used |= {f"{which}_filter{end}": there for end in ("", "_hz", "_order")}
-            used["filter_damping_ratio"] |= there and order >= 2
-        idle = {name: defaults[name] for name, there in used.items() if not there}
-        return self.model_copy(update=idle)
+        return self.model_copy(update=idle_settings(self, damping=damping, mass=mass))
 
     def filter_settings(self) -> dict[str, Any]:
         """What says which filters run, by the names that all of haptune calls them."""

@@ -24,6 +24,8 @@ from identification import AnyQuantity, Document, load_document, quantity
 from tune.documents.estimators import (
     DERIVATIVES,
     DIFFERENCES,
+    KINDS,
+    RATIOS,
     Derivative,
     FilterKind,
     strange_order,
@@ -523,6 +525,26 @@ class LoopFreedom(Document):
         kind, order = getattr(self, f"{which}_filter"), getattr(self, f"{which}_filter_order")
         usual = DIFFERENCES[which] + (2 if kind == "tracking" else 0)
         return kind or "low-pass", usual if order is None else order
+
+    def kinds(self, which: Derivative) -> tuple[tuple[FilterKind, int], ...]:
+        """Kinds and orders to choose from, as many as there are where nothing is stated.
+
+        The one that is stated, or of a stated cut-off, as often.
+        """
+        names = f"{which}_filter", f"{which}_filter_order"
+        stated = any(getattr(self, name) is not None for name in names)
+        free = getattr(self, f"{which}_filter_hz") == "free" and not stated
+        return KINDS[which] if free else (self.kind(which),) * len(KINDS[which])
+
+    def ratios(self) -> tuple[float, ...]:
+        """Damping ratios to choose from: one where it, or a filter that it acts on, is stated."""
+        if self.filter_damping_ratio is not None:
+            return (self.filter_damping_ratio,)
+        open_ = all(
+            self.kinds(each) == KINDS[each] or getattr(self, f"{each}_filter_hz") == "none"
+            for each in DERIVATIVES
+        )
+        return RATIOS if open_ else RATIOS[:1]
 
 
 class Scene(Document):

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from identification import Device
 from tune.documents import LoopError, estimators
-from tune.documents.estimators import DIFFERENCES, Derivative, FilterKind, filter_of
+from tune.documents.estimators import DIFFERENCES, Derivative, FilterKind, filter_of, idle_settings
 from tune.documents.scene import Effects, Hand
 from tune.loop.plant import (
     HandNumbers,
@@ -103,11 +103,8 @@ class Filters:
 
 def used_filters(filters: Filters, effects: Effects) -> Filters:
     """The filters of the effects that are there; the others would only add poles of their own."""
-    if effects.damping is None:
-        filters = replace(filters, velocity_filter_hz=None, velocity_window_samples=None)
-    if effects.mass is None:
-        filters = replace(filters, acceleration_filter_hz=None)
-    return filters
+    acting = {"damping": effects.damping is not None, "mass": effects.mass is not None}
+    return replace(filters, **idle_settings(filters, **acting))
 
 
 def filters_of(loop: LoopProfile) -> Filters:

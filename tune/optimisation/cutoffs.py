@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from identification import round_to_digits
 from tune.documents import NoFeasibleEffectError
 from tune.documents.estimators import DERIVATIVES, filter_of
-from tune.documents.scene import Cutoff, EffectName
-from tune.loop.loop import Filters
-from tune.optimisation.backends import Evaluation, Rank, program_of
+from tune.documents.scene import Cutoff, EffectName, Effects
+from tune.loop.loop import Filters, used_filters
+from tune.optimisation.backends import Evaluation, Rank, Scenario, program_of
 from tune.optimisation.feasibility import (
     largest_allowed,
     least_beside,
@@ -66,44 +66,49 @@ _SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
 
 
 def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
-    """The fixed cut-offs, and for free ones the least filtering that does nearly as well as any.
+    """The fixed filters, and for free ones the least filtering that does nearly as well as any.
 
     Free cut-offs are looked for coarsely, for all elements together, one after the other in both
     orders, then together by cutting planes, on a logarithmic scale above which there is no filter.
-    A filter is only there for an effect that uses it: without a damper no velocity filter, without
-    a virtual mass no acceleration filter.
+    Where no kind is stated, others are compared near the best of the usual one, of one filter after
+    the other, and the best is climbed from. A filter is only there for an effect that uses it:
+    without a damper no velocity filter, without a virtual mass no acceleration filter.
     """
-    scene = task.scene
+    scene, loop = task.scene, task.scene.loop
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
-    windowed = scene.loop.velocity_window_samples if "damping" in wishes else None
-    (velocity_kind, velocity_order), (acceleration_kind, acceleration_order) = (
-        scene.loop.kind(which) for which in DERIVATIVES
-    )
-    kind = Filters(
-        velocity_filter=velocity_kind,
-        velocity_filter_order=velocity_order,
-        acceleration_filter=acceleration_kind,
-        acceleration_filter_order=acceleration_order,
-        filter_damping_ratio=scene.loop.filter_damping_ratio or 1.0,
-        velocity_window_samples=windowed,
-    )
+    windowed = loop.velocity_window_samples if "damping" in wishes else None
     nyquist = 0.5 / task.device.sample_time.high
     with_velocity = "damping" in wishes and windowed is None
-    velocity = scene.loop.velocity_filter_hz if with_velocity else "none"
-    acceleration = scene.loop.acceleration_filter_hz if "mass" in wishes else "none"
+    velocity = loop.velocity_filter_hz if with_velocity else "none"
+    acceleration = loop.acceleration_filter_hz if "mass" in wishes else "none"
     axes = _Axis.of(velocity, nyquist), _Axis.of(acceleration, nyquist)
-    return _Search(task, kind, axes, say).best()
+    there = [1.0 if axis.free or axis.fixed else None for axis in axes]
+    kinds: dict[Filters, None] = {}
+    for ratio, pair in product(loop.ratios(), zip(*map(loop.kinds, DERIVATIVES), strict=True)):
+        settings: dict[str, Any] = {"velocity_window_samples": windowed}
+        for which, (kind, order), hertz in zip(DERIVATIVES, pair, there, strict=True):
+            settings |= {f"{which}_filter": kind, f"{which}_filter_order": order}
+            settings[f"{which}_filter_hz"] = hertz
+        filters = Filters(**settings, filter_damping_ratio=ratio)
+        kinds[_kind_of(used_filters(filters, Effects(damping=0.0, mass=0.0)))] = None
+    return _Search(task, list(kinds), axes, say).best()
 
 
 class _Search:
     """Filters that were tried, and what they are worth."""
 
     def __init__(
-        self, task: DesignTask, kind: Filters, axes: tuple[_Axis, _Axis], say: Callable[[str], None]
+        self,
+        task: DesignTask,
+        kinds: Sequence[Filters],
+        axes: tuple[_Axis, _Axis],
+        say: Callable[[str], None],
     ) -> None:
-        #: Order, damping ratio and window of the filters are those of this kind; the axes are the
-        #: choices of the velocity and the acceleration filter.
-        self.task, self.kind, self.axes, self.say = task, kind, axes, say
+        #: Orders, damping ratio and window of filters are those of one of these kinds, the usual
+        #: first; the axes are the choices of the velocity and the acceleration filter.
+        self.task, self.kinds, self.axes, self.say = task, kinds, axes, say
+        #: Of what is looked at.
+        self.kind = kinds[0]
         #: Worth of all elements.
         self.tried: dict[Filters, CutoffObjective] = {}
         #: Each group as tuned by the filters that it uses, and as it was tuned last.
@@ -130,27 +135,31 @@ class _Search:
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
-        if len(free) == 2 and any({"damping", "mass"} <= asked for asked in self.asked.values()):
-            # Elements that are tuned together use both filters.
-            for start in sorted(self._starts(point), key=self._worth, reverse=True):
-                self._refined(start, free)
-        else:
-            for index in free:
-                point = self._refined(self._along(point, index), [index])
+        for start in sorted(self._starts(point, free), key=self.tried.__getitem__, reverse=True):
+            self._refined(self._place(start), free)
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
-            reached, point = self._nearest(best, index)
+            reached, found = max(
+                (self._nearest(best, index, kind) for kind in self.kinds), key=lambda pair: pair[0]
+            )
             if reached >= 1:
-                self._refined(point, [index])
-            found = self._least_good()
-            best = found if self._is_used(found, index) else self._filters(point)
+                self._refined(self._place(found), [index])
+            after = self._least_good()
+            best = after if self._is_used(after, index) else found
         return best
 
     def _least_good(self) -> Filters:
-        """The least filtering of all tried that is worth nearly as much as the best."""
+        """The first kind, and least filtering of it, that is worth nearly as much as the best."""
         most = max(self.tried.values())
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH)
-        return min((f for f, worth in self.tried.items() if worth >= enough), key=_lag)
+        good = [filters for filters, worth in self.tried.items() if worth >= enough]
+        return min(good, key=lambda each: (self.kinds.index(_kind_of(each)), _lag(each)))
+
+    def _place(self, filters: Filters) -> list[float]:
+        """Where filters are on both axes, of whose kind are those that are looked at from now."""
+        self.kind = _kind_of(filters)
+        cutoffs = (getattr(filters, name) for name in _CUTOFFS)
+        return [axis.place(each) for axis, each in zip(self.axes, cutoffs, strict=True)]
 
     def _is_used(self, filters: Filters, index: int) -> bool:
         """Whether an effect that is kept uses one of the filters."""
@@ -162,14 +171,15 @@ class _Search:
             for unknown in tuned.problem.unknowns
         )
 
-    def _nearest(self, filters: Filters, index: int) -> tuple[float, list[float]]:
-        """How near to a step an effect comes with one filter chosen anew, and the point of both."""
-        cutoffs: list[float | None] = [getattr(filters, name) for name in _CUTOFFS]
-        point = [axis.place(each) for axis, each in zip(self.axes, cutoffs, strict=True)]
+    def _nearest(self, filters: Filters, index: int, kind: Filters) -> tuple[float, Filters]:
+        """How near to a step an effect comes with one filter chosen anew, and both filters."""
+        cutoffs = {name: getattr(filters, name) for name in _CUTOFFS}
+        point = self._place(replace(kind, **cutoffs))
         low, *_, high, beyond = self.axes[index].first
         places = beyond, *np.linspace(low, high, _FINE, endpoint=False).tolist()
         line = [[*point[:index], place, *point[index + 1 :]] for place in places]
-        return max(((self._reached(each, index), each) for each in line), key=lambda pair: pair[0])
+        found = [(self._reached(each, index), self._filters(each)) for each in line]
+        return max(found, key=lambda pair: pair[0])
 
     def _reached(self, point: Sequence[float], index: int) -> float:
         """How much of a step an effect has that uses one of the filters, but for springs alone."""
@@ -183,48 +193,60 @@ class _Search:
                     most = max(most, unknown.steps(size))
         return most
 
-    def _starts(self, middle: list[float]) -> list[list[float]]:
-        """Points to climb from: one cut-off after the other, in both orders.
+    def _starts(self, middle: list[float], free: Sequence[int]) -> list[Filters]:
+        """Filters to climb from: one cut-off after the other, in both orders from the middle.
 
-        Where no line through the middle keeps every effect, all pairs of first choices are asked.
+        Of further kinds from the best that was found. Where no line through the middle keeps every
+        effect, all pairs of first choices of the usual kind are asked.
         """
-        starts: list[list[float]] = []
-        for first, then in ((1, 0), (0, 1)):
-            found = self._best_whole(self._line(middle, first))
-            if found:
-                hills = self._hills(self._line(found, then))
-                starts += [each for each in hills if each not in starts]
+        starts: dict[Filters, None] = {}
+        for kind in self.kinds:
+            if not starts:
+                self.kind = kind
+                for *before, last in [free, free[::-1]][: len(free)]:
+                    found = self._best_whole(self._line(middle, before[0])) if before else middle
+                    starts |= dict.fromkeys(self._hills(self._line(found, last)) if found else ())
+                continue
+            top: list[float] | None = self._place(max(starts, key=self.tried.__getitem__))
+            self.kind = kind
+            for index in free:
+                top = self._top(top, index) if top else None
+            starts |= {self._filters(top): None} if top else {}
         if starts:
-            return starts
+            enough = max(self.tried[each].value for each in starts) - _LESS
+            return [each for each in starts if self.tried[each].value >= enough]
+        self.kind = self.kinds[0]
         pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
         whole = self._best_whole(pairs)
         # That all effects can be kept is not always soon told.
-        return [whole or _most([(self._worth(each), each) for each in pairs])]
+        return [self._filters(whole or _most([(self._worth(each), each) for each in pairs]))]
 
     def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
         """Points with the first choices of one cut-off, least filtering first."""
         places = reversed(self.axes[index].first)
         return [[*point[:index], place, *point[index + 1 :]] for place in places]
 
-    def _along(self, point: Sequence[float], index: int) -> list[float]:
-        """The point that is worth most among the first choices of one cut-off."""
-        points = self._line(point, index)
-        return self._best_whole(points) or _most([(self._worth(each), each) for each in points])
+    def _top(self, point: list[float], index: int) -> list[float] | None:
+        """The point that is worth more than those beside it on a line, uphill from the nearest."""
+        line = self._line(point, index)
+        place = min(range(len(line)), key=lambda each: abs(line[each][index] - point[index]))
+        while (best := self._best_whole(line[max(place - 1, 0) : place + 2])) != line[place]:
+            if best is None:
+                return self._best_whole(line)
+            place = line.index(best)
+        return best
 
-    def _hills(self, line: Sequence[list[float]]) -> list[list[float]]:
-        """Points of a line, the first without a filter, that are worth as much as those beside.
+    def _hills(self, line: Sequence[list[float]]) -> Iterator[Filters]:
+        """Filters of a line, the first without one, that are worth as much as those beside.
 
-        Nearly as much as the best of all, and every effect kept. No filter is beside no other.
+        Every effect is kept with them. No filter is beside no other.
         """
         worths = [self._whole(each) for each in line]
         values = [-math.inf if worth is None else worth.value for worth in worths]
-        enough = max(values) - _LESS
         before, after = [-math.inf, -math.inf, *values[1:]], [-math.inf, *values[2:], -math.inf]
-        return [
-            point
-            for point, value, *others in zip(line, values, before, after, strict=False)
-            if math.isfinite(value) and value >= max(*others, enough)
-        ]
+        for point, value, *others in zip(line, values, before, after, strict=False):
+            if math.isfinite(value) and value >= max(others):
+                yield self._filters(point)
 
     def _best_whole(self, points: Sequence[list[float]]) -> list[float] | None:
         """The point that is worth most of those that keep every effect; None where none does."""
@@ -305,11 +327,7 @@ class _Search:
 
     def _of(self, elements: tuple[str, ...], filters: Filters) -> Filters:
         """Those of the filters that a group uses."""
-        if "damping" not in self.asked[elements]:
-            filters = replace(filters, velocity_filter_hz=None)
-        if "mass" not in self.asked[elements]:
-            filters = replace(filters, acceleration_filter_hz=None)
-        return filters
+        return used_filters(filters, Effects(**dict.fromkeys(self.asked[elements], 0.0)))
 
     def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
         """One group; known if it was tried before with the filters that it uses."""
@@ -330,6 +348,11 @@ def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
     most = max(worth for worth, _ in found)
     enough = CutoffObjective(kept=most.kept, value=most.value - _TIED)
     return next(point for worth, point in found if worth >= enough)
+
+
+def _kind_of(filters: Filters) -> Filters:
+    """Filters without their cut-offs."""
+    return replace(filters, **dict.fromkeys(_CUTOFFS))
 
 
 def _lag(filters: Filters) -> float:
@@ -480,26 +503,52 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
     if open_ends.size <= 1:
         return max(_value_alone(task, beside, sizes, open_ends) - found.worth.value, -1.0)
-    weights = np.array(_weights(task, problem))
-    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
-    scenarios = list(optimum.scenarios)
-    prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
-    if prices is None:
-        scenarios = sorted(least_margin_loops(problem, sizes))
-        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
     change = _value(task, beside, sizes) - found.worth.value
-    if prices is None:
-        # Where one rank came before the next no sum of both is at its largest.
-        again = tune_with_filters(task, elements, moved, found).worth
-        return again.value - found.worth.value if again.kept == found.worth.kept else change
-    rows = [
-        Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
-        for each in (problem, beside)
-    ]
-    if rows[0].size != rows[1].size:
-        return change
-    binding = prices > 0
-    return change - float(prices[binding] @ (rows[1] - rows[0])[binding])
+    shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
+    weights = np.array(_weights(task, problem))
+    slack = _slack_change(problem, beside, weights, sizes, shown)
+    if slack is not None:
+        return change + slack
+    if optimum.summit is not None and sizes.size == 2 and problem.unknowns[0].yields:
+        # A wall: its spring is so many steps below its largest, beside which its damper is.
+        spring, summit = problem.unknowns[0], optimum.summit
+        rise = _slack_change(problem, beside, np.array([1.0, 0.0]), summit, [optimum.scenarios])
+        kept = spring.steps(float(summit[0])) - spring.yields
+        if rise is not None and sizes[0] <= spring.size_at(kept) * (1 + _TIED):
+            least = spring.size_at(kept + (kept + spring.yields) * np.expm1(rise))
+            return (
+                _value_alone(task, beside, np.array([float(least), sizes[1]]), np.array([1]))
+                - found.worth.value
+            )
+    # Where one rank came before the next no sum of both is at its largest.
+    again = tune_with_filters(task, elements, moved, found).worth
+    return again.value - found.worth.value if again.kept == found.worth.kept else change
+
+
+def _slack_change(
+    problem: Problem,
+    beside: Problem,
+    weights: FloatArray,
+    sizes: FloatArray,
+    shown: Sequence[Iterable[Scenario]],
+) -> float | None:
+    """What the limits of a problem beside leave more to a weighed sum at its largest, at first.
+
+    None where the sizes are no optimum with the corners of any of those that are shown.
+    """
+    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
+    for scenarios in map(sorted, shown):
+        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
+        if prices is not None:
+            rows = [
+                Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
+                for each in (problem, beside)
+            ]
+            if rows[0].size != rows[1].size:
+                return 0.0
+            binding = prices > 0
+            return -float(prices[binding] @ (rows[1] - rows[0])[binding])
+    return None
 
 
 def _value_alone(

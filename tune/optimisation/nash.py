@@ -78,12 +78,14 @@ class Optimum:
         methods: names of what proposed each accepted answer.
         disagreements: largest difference of solvers in the logarithm of a product, 0 if none.
         scenarios: corners whose stability the solvers had to be shown.
+        summit: sizes with which the rank before the last was largest; None of one rank.
     """
 
     sizes: FloatArray | None
     methods: tuple[str, ...]
     disagreements: float
     scenarios: tuple[Scenario, ...] = ()
+    summit: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +143,7 @@ def largest_product(
     starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
-    search = _Search(problem, backends, starts[0])
+    search, summit = _Search(problem, backends, starts[0]), None
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     levels = sorted({unknown.level for unknown in problem.unknowns})
     for level in levels:
@@ -150,6 +152,7 @@ def largest_product(
         yielding = np.array([u.yields > 0 and u.level == level - 1 for u in problem.unknowns])
         search.raise_rank(active | yielding, fixed & ~yielding, starts)
         if level != levels[-1]:
+            summit = search.sizes
             search.ease(active)
         for index in np.flatnonzero(active & [unknown.yields > 0 for unknown in problem.unknowns]):
             unknown = problem.unknowns[index]
@@ -162,6 +165,7 @@ def largest_product(
         methods=tuple(dict.fromkeys(search.methods)),
         disagreements=search.disagreement,
         scenarios=tuple(search.scenarios),
+        summit=summit,
     )
 
 

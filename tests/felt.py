@@ -69,7 +69,9 @@ class Observer:
         """The estimate of motion in a sine over the motion, at points of the unit circle."""
         one = np.eye(self.states)
         kept = (one - np.outer(self.gain, one[0])) @ self.step
-        states: Complex = np.linalg.solve(one - kept / z[:, None, None], self.gain[:, None])
+        states = np.asarray(
+            np.linalg.solve(one - kept / z[:, None, None], self.gain[:, None]), dtype=np.complex128
+        )
         return np.asarray(states[:, power, 0] * (factorial(power) / self.sample_time**power))
 
 

@@ -182,7 +182,7 @@ COMMANDS: dict[tuple[str, ...], tuple[str, ...]] = {
     ("tune", "device.yaml", "fluid.yaml", "--dry-run"): ("--margin", "-o"),
     ("audit", "device.yaml", "--damping", "5"): (
         *("--stiffness", "--damping", "--mass", "--extra-delay-samples", "--velocity-filter"),
-        *("--acceleration-filter", "--margin"),
+        *("--acceleration-filter", "--filter-damping-ratio", "--margin"),
     ),
     ("check", "profile.yaml"): (),
     ("verify", "profile.yaml", "log.csv"): (

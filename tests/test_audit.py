@@ -41,6 +41,23 @@ def test_the_papers_own_setting_is_safe_with_filters() -> None:
     assert "safe with margin balanced" in ended.out
 
 
+def test_a_profile_with_tracking_filters_is_judged_as_it_was_certified() -> None:
+    """Mass and damping of a tuned element, by hand into the command: the same gain margin."""
+    loop = {"velocity_filter": "tracking", "acceleration_filter": "tracking"}
+    scene = {"elements": {"it": {"mass": "max", "damping": 30.0}}, "loop": loop}
+    profile = optimise(load_device("homerehab"), Scene.model_validate(scene))
+    it, used = profile.elements["it"], profile.loop
+    ended = haptune(
+        *("audit", "homerehab", "--mass", str(it.mass), "--damping", str(it.damping)),
+        *("--velocity-filter", f"{used.velocity_filter_hz},tracking"),
+        *("--acceleration-filter", f"{used.acceleration_filter_hz},tracking,4", "--json"),
+    )
+    assert ended.code == 0, ended.err
+    details = ended.result["details"]
+    assert details["loop"] == used.model_dump(mode="json")
+    assert details["gain_margin"] == pytest.approx(it.margins.gain, rel=2e-3)
+
+
 def test_without_filters_the_encoder_is_why_it_is_not_fit() -> None:
     ended = haptune("audit", "homerehab", *PAPER)
     assert ended.code == 6
@@ -152,6 +169,9 @@ def test_every_named_device_is_judged_at_and_beyond_its_limit(
         (("--mass", "1e-308"), "--mass: 1e-308 is beyond"),
         (("--mass", "1", "--velocity-filter", "1e-300"), "--velocity-filter: 1e-300 is beyond"),
         (("--mass", "1", "--acceleration-filter", "1e300"), "--acceleration-filter: 1e+300 is"),
+        (("--mass", "1", "--acceleration-filter", "x"), "--acceleration-filter: x is no cut-off"),
+        (("--mass", "1", "--velocity-filter", "9,kalman"), "--velocity-filter: kalman is no kind"),
+        (("--mass", "1", "--velocity-filter", "9,tracking,4"), "order must be 2 or 3, states of"),
     ],
 )
 def test_values_that_no_scene_holds_are_a_usage_error(options: tuple[str, ...], words: str) -> None:

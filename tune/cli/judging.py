@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from typer import Argument, Option
 
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from identification import Device, Motion
+    from tune.documents.estimators import FilterKind
     from tune.documents.profile import SafeProfile
     from tune.judging import Audit, Change, Comparison, Felt, Interval
+    from tune.loop.loop import Filters
     from tune.verification import Advice, Kept, Verification
 
 #: Unit of each quantity of a device, by the name it has in a table of units.
@@ -31,6 +33,8 @@ _UNITS = {"mass": "mass", "damping": "damping", "damping_slope": "damping",
           "coulomb_friction": "force", "force_offset": "force", "force_limit.continuous": "force",
           "force_limit.peak": "force", "encoder_resolution": "length",
           "position_stiffness": "stiffness", "presliding_stiffness": "stiffness"}  # fmt: skip
+#: How a filter is given.
+_FILTER = "HZ[,KIND[,ORDER]]"
 #: Advice at less than this many times the gain that was played is no other advice.
 _MORE = 1.02
 
@@ -46,11 +50,20 @@ def audit_command(
         float, Option(metavar="X", help="On top of the device's own delay.")
     ] = 0.0,
     velocity_filter: Annotated[
-        float | None, Option(metavar="HZ", help="First-order cut-off; default none.")
+        str | None,
+        Option(
+            metavar=_FILTER, help="Cut-off; low-pass of 1 or 2 poles, tracking of 2 or 3 states."
+        ),
     ] = None,
     acceleration_filter: Annotated[
-        float | None, Option(metavar="HZ", help="Second-order cut-off; default none.")
+        str | None,
+        Option(
+            metavar=_FILTER, help="Cut-off; low-pass of 2 or 1 poles, tracking of 3 or 4 states."
+        ),
     ] = None,
+    filter_damping_ratio: Annotated[
+        float, Option(min=0.1, max=1.0, metavar="Z", help="Of pairs of poles; 1 is two equal ones.")
+    ] = 1.0,
     margin: MarginOption = None,
     picture: Picture = None,
 ) -> None:
@@ -58,12 +71,12 @@ def audit_command(
     from tune.certificate.certify import trusted_facts
     from tune.documents.scene import Effects
     from tune.judging import NEEDED, audit
-    from tune.loop.loop import Filters
     from tune.presentation.tables import audit_table
 
     wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
     session.target(picture, Path(device))
-    _refuse_nonsense(wanted, extra_delay_samples, velocity_filter, acceleration_filter)
+    _refuse_nonsense(wanted, extra_delay_samples)
+    filters = _filters(velocity_filter, acceleration_filter, filter_damping_ratio)
     known = ident.load_device(device)
     known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
     if extra_delay_samples * known.sample_time.value + known.delay.low < 0:
@@ -75,9 +88,7 @@ def audit_command(
         found = audit(
             known,
             Effects(**wanted),
-            filters=Filters(
-                velocity_filter_hz=velocity_filter, acceleration_filter_hz=acceleration_filter
-            ),
+            filters=filters,
             margin=margin or "balanced",
             extra_delay_samples=extra_delay_samples,
         )
@@ -98,11 +109,7 @@ def audit_command(
     raise CheckFailedError((*faults, words))
 
 
-def _refuse_nonsense(
-    wanted: dict[str, float], extra: float, velocity: float | None, acceleration: float | None
-) -> None:
-    from tune.documents.scene import LARGEST, SMALLEST
-
+def _refuse_nonsense(wanted: dict[str, float], extra: float) -> None:
     if not any(wanted.values()):
         raise UsageError("--stiffness, --damping, --mass", "all are zero", "Give one of them")
     if wanted["stiffness"] < 0:
@@ -112,15 +119,47 @@ def _refuse_nonsense(
     for option, value in (gains | {"--extra-delay-samples": extra}).items():
         if not math.isfinite(value):
             raise UsageError(option, f"{value} is no finite number", "Give a number")
-    cutoffs = {"--velocity-filter": velocity, "--acceleration-filter": acceleration}
-    for option, value in cutoffs.items():
-        if value is not None and not (math.isfinite(value) and value > 0):
+    for option, value in gains.items():
+        _refuse_beyond(option, value)
+
+
+def _refuse_beyond(option: str, value: float) -> None:
+    from tune.documents.scene import LARGEST, SMALLEST
+
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        seen = f"{value:g} is beyond {SMALLEST:g} to {LARGEST:g}"
+        raise UsageError(option, seen, "Give a number within, or leave it out")
+
+
+def _filters(velocity: str | None, acceleration: str | None, ratio: float) -> Filters:
+    """The filters that are given as a cut-off, Hz, or with their kind and order behind it."""
+    from tune.documents.estimators import DERIVATIVES, strange_order
+    from tune.documents.scene import LoopFreedom
+    from tune.loop.loop import Filters
+
+    settings: dict[str, Any] = {"filter_damping_ratio": ratio}
+    for which, text in zip(DERIVATIVES, (velocity, acceleration), strict=True):
+        if text is None:
+            continue
+        option, name = f"--{which}-filter", f"{which}_filter"
+        first, kind, order, *_ = (*text.split(","), "", "")
+        try:
+            hertz = float(first)
+        except ValueError:
+            hertz = math.nan
+        if not (math.isfinite(hertz) and hertz > 0):
             remedy = "Give Hz above zero, or leave it out"
-            raise UsageError(option, f"{value} is no cut-off", remedy)
-    for option, value in (gains | cutoffs).items():
-        if value and not SMALLEST <= abs(value) <= LARGEST:
-            seen = f"{value:g} is beyond {SMALLEST:g} to {LARGEST:g}"
-            raise UsageError(option, seen, "Give a number within, or leave it out")
+            raise UsageError(option, f"{first} is no cut-off", remedy)
+        _refuse_beyond(option, hertz)
+        kind = kind or "low-pass"
+        if kind not in {"low-pass", "tracking"}:
+            raise UsageError(option, f"{kind} is no kind", "Give low-pass or tracking")
+        usual = LoopFreedom.model_validate({name: kind}).kind(which)[1]
+        number: object = int(order) if order.isdecimal() else order or usual
+        if wrong := strange_order(which, cast("FilterKind", kind), number):
+            raise UsageError(option, wrong, "Give another order, or leave it out")
+        settings |= {name: kind, f"{name}_hz": hertz, f"{name}_order": number}
+    return Filters(**settings)
 
 
 def _nearest(found: Audit) -> dict[str, float]:

@@ -468,16 +468,17 @@ Cutoff = Annotated[
 class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
-    It is a low-pass where no kind is stated.
+    Of a free cut-off kind, order and damping ratio are chosen with it where they are not stated;
+    of a stated one it is a low-pass.
 
     Attributes:
         velocity_filter: kind of the filter behind the backward difference.
         acceleration_filter: kind of the filter behind the double difference.
         velocity_filter_hz: its cut-off, the frequency of its poles, Hz.
         acceleration_filter_hz: likewise.
-        velocity_filter_order: 1 (default) or 2 poles of a low-pass, 2 or 3 (default) states.
-        acceleration_filter_order: 1 or 2 (default) poles of a low-pass, 3 or 4 (default) states.
-        filter_damping_ratio: of pairs of poles; 1 (default) is two equal poles, 0.7071 Butterworth.
+        velocity_filter_order: 1 (usual) or 2 poles of a low-pass, 2 or 3 (usual) states.
+        acceleration_filter_order: 1 or 2 (usual) poles of a low-pass, 3 or 4 (usual) states.
+        filter_damping_ratio: of pairs of poles; 1 (usual) is two equal poles, 0.7071 Butterworth.
         velocity_window_samples: velocity over the last n samples instead of a filter.
     """
 

@@ -10,6 +10,7 @@ unstable one by its phase. Cells are the last axis of every array.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,9 +195,11 @@ def squared_modulus(form: AffineForm) -> AffineForm:
     return real * real + imag * imag
 
 
-def add_axis(term: Term) -> Term:
-    """Room for an axis before that of the cells."""
-    return term.stacked() if isinstance(term, AffineForm) else term
+def add_axis(part: Any) -> Any:
+    """A term, or terms in tuples, with room for an axis before that of the cells."""
+    if isinstance(part, tuple):
+        return tuple(map(add_axis, cast("tuple[Any, ...]", part)))
+    return part.stacked() if isinstance(part, AffineForm) else part
 
 
 def real_lower_bound(form: AffineForm) -> FloatArray:

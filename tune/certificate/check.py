@@ -27,7 +27,7 @@ from tune.certificate.claims import (
     whole_delay,
 )
 from tune.certificate.poles import judge
-from tune.certificate.region import ModePoint, Point, Setting, regions_of, setting_of
+from tune.certificate.region import Point, Setting, regions_of, setting_of
 from tune.certificate.time_domain import contact_failures, four_digits, jitter_failures, lead_of
 from tune.certificate.worst_point import worst_points
 from tune.certificate.zero_exclusion import Claim
@@ -105,7 +105,11 @@ OPINIONS = _trusted(
 
 #: Numbers are stored with twelve digits.
 _AGREE = 1e-9
-_CLAIMED = ("confidence", "mass", "damping", "sample_time", "delay", "delay_samples", "gain")
+_CLAIMED = (
+    *("confidence", "mass", "damping", "sample_time", "delay", "delay_samples", "gain"),
+    *("extra_delay_samples", "modes", "current_lag", "position_stiffness", "presliding_stiffness"),
+    "hand",
+)
 #: A fresh search may find a pole closer to the circle by this part of its distance from it: another
 #: linear algebra library may climb to another point.
 _SEARCH = 0.01
@@ -186,14 +190,13 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     for name in ("method", "assumes", "not_assessed", "absolute_stability"):
         if getattr(stated, name) != getattr(fresh, name):
             yield f"certificate.{name} is not what haptune says of such a profile. Tune again"
-    for name in (*_CLAIMED, "extra_delay_samples"):
-        seen, said = getattr(fresh, name), getattr(stated, name)
-        if not np.allclose(seen, said, rtol=_AGREE, atol=0):
-            yield f"certificate.{name} says {_number(said)}, computed anew it is {_number(seen)}"
-    for name in ("modes", "current_lag", "position_stiffness", "presliding_stiffness", "hand"):
-        seen, said = _flat(getattr(fresh, name)), _flat(getattr(stated, name))
+    for name in _CLAIMED:
+        seen, said = (_numbers(getattr(each, name)) for each in (fresh, stated))
         if len(seen) != len(said) or not np.allclose(seen, said, rtol=_AGREE, atol=0):
-            yield f"certificate.{name} is not what device and hand of the file give"
+            shown = [
+                " to ".join(f"{item:.12g}" for item in each) or "nothing" for each in (said, seen)
+            ]
+            yield f"certificate.{name} says {shown[0]}, computed anew it is {shown[1]}"
     for name, element in profile.elements.items():
         gains = [
             proved.gain
@@ -213,23 +216,10 @@ def _worst_differs(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     if setting is None:
         yield f"certificate.worst names {', '.join(stated.elements)[:80]}, which is not felt"
         return
-    device = profile.device
-    if len(stated.modes) != len(device.modes) or not _inside(stated, fresh):
+    point = _point_of(profile, stated)
+    if point is None or not np.isclose(stated.gain, fresh.gain, rtol=_AGREE, atol=0):
         yield "certificate.worst is not a point of the box"
         return
-    point = Point(
-        mass=stated.mass,
-        damping=stated.damping,
-        sample_time=stated.sample_time,
-        delay_samples=stated.delay_samples,
-        modes=tuple(
-            ModePoint(**dict(place), at_encoder=mode.at_encoder, at_handle=mode.at_handle)
-            for place, mode in zip(stated.modes, device.modes, strict=True)
-        ),
-        hand=stated.hand,
-        current_lag=stated.current_lag or 0.0,
-        position_stiffness=stated.position_stiffness or 0.0,
-    )
     seen = judge(point, setting, stated.gain).radius
     if not np.isclose(seen, stated.pole_radius, rtol=_AGREE, atol=0):
         yield (
@@ -244,58 +234,36 @@ def _worst_differs(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         )
 
 
-def _inside(stated: WorstPoint, box: Certificate) -> bool:
-    """Whether a stated point lies in the box, to the digits stored."""
-    pairs = [
-        (stated.mass, box.mass),
-        (stated.damping, box.damping),
-        (stated.sample_time, box.sample_time),
-        (stated.gain, (box.gain, box.gain)),
-        (
-            stated.delay_samples,
-            (box.delay_samples[0], box.delay_samples[1] + box.extra_delay_samples),
-        ),
-    ]
-    for place, around in zip(stated.modes, box.modes, strict=True):
-        pairs.append((place.frequency_hz, around.frequency_hz))
-        pairs.append((place.damping_ratio, around.damping_ratio))
-    # Before it slides a device has a spring that it has not after.
-    held = stated.position_stiffness is not None and box.presliding_stiffness is not None
-    slope = box.position_stiffness
-    if held and (slope is None or (stated.position_stiffness or 0.0) > slope[1]):
-        slope = box.presliding_stiffness
-    for value, around in (
-        (stated.current_lag, box.current_lag),
-        (stated.position_stiffness, slope),
-    ):
-        if (value is None) != (around is None):
-            return False
-        if value is not None and around is not None:
-            pairs.append((value, around))
-    if stated.hand is not None:
-        if box.hand is None:
-            return False
-        pairs += [(getattr(stated.hand, each), getattr(box.hand, each)) for each in EFFECT_NAMES]
-    return all(
-        low - _AGREE * abs(low) <= value <= high + _AGREE * abs(high)
-        for value, (low, high) in pairs
-    )
+def _point_of(design: Design, stated: WorstPoint) -> Point | None:
+    """A stated point, None where it lies in no region of the box, to the digits stored."""
+    hand, late, extra = stated.hand, stated.delay_samples, float(design.margin.extra_delay_samples)
+    values = [stated.mass, stated.damping, stated.sample_time, 0.0]
+    values += [stated.current_lag or 0.0, stated.position_stiffness or 0.0]
+    values += [] if hand is None else [hand.mass, hand.damping, hand.stiffness]
+    values += [each for mode in stated.modes for each in (mode.frequency_hz, mode.damping_ratio)]
+    for region in regions_of(design):
+        (first, last), (shortest, longest) = region.delay, region.sample_time
+        sides = [*region.sides()]
+        sides[3] = (0.0, 0.0)
+        if (hand is None) != (region.hand is None) or len(values) != len(sides):
+            continue
+        pairs = zip(
+            [*values, late], [*sides, (first / longest, last / shortest + extra)], strict=True
+        )
+        if all(
+            low - _AGREE * abs(low) <= value <= high + _AGREE * abs(high)
+            for value, (low, high) in pairs
+        ):
+            return region.point(np.array(values), late)
+    return None
 
 
-def _flat(part: HandBox | tuple[ModeBox, ...] | tuple[float, float] | None) -> list[float]:
-    if isinstance(part, HandBox):
-        return [*part.mass, *part.damping, *part.stiffness]
-    numbers: list[float] = []
-    for item in part or ():
-        if isinstance(item, ModeBox):
-            numbers += [*item.frequency_hz, *item.damping_ratio]
-        else:
-            numbers.append(item)
-    return numbers
-
-
-def _number(value: float | tuple[float, ...]) -> str:
-    return " to ".join(f"{item:.12g}" for item in np.atleast_1d(value))
+def _numbers(part: object) -> list[float]:
+    """All numbers in a part of a certificate, in order."""
+    if isinstance(part, int | float):
+        return [float(part)]
+    inner = [value for _, value in part] if isinstance(part, HandBox | ModeBox) else part or ()
+    return [number for each in cast("Iterable[object]", inner) for number in _numbers(each)]
 
 
 def _differences(

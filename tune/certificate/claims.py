@@ -11,8 +11,8 @@ from flint import arb_poly
 
 from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.poles import law_in_doubles, law_of, precision, sampled_plant, shift_to_one
-from tune.certificate.region import ModePoint, Point, Region, Setting
-from tune.documents.profile import Design, ElementProfile, HandPlace, PerceptionProfile
+from tune.certificate.region import Point, Region, Setting, regions_of
+from tune.documents.profile import Design, ElementProfile, PerceptionProfile
 from tune.documents.scene import EFFECT_NAMES
 
 #: Points on the half circle. The integrand is smooth; the mean converges like r^points for a
@@ -170,27 +170,16 @@ def ripple_of(design: Design, setting: Setting) -> float | None:
         return None
     samples = device.delay.high / device.sample_time.value
     whole = round(samples)
-    best = Point(
-        mass=device.mass.value,
-        damping=device.damping.value,
-        sample_time=device.sample_time.value,
-        delay_samples=float(whole) if abs(samples - whole) <= _WHOLE else samples,
-        modes=tuple(
-            ModePoint(
-                frequency_hz=mode.frequency_hz.value,
-                damping_ratio=mode.damping_ratio.value,
-                at_encoder=mode.at_encoder,
-                at_handle=mode.at_handle,
-            )
-            for mode in device.modes
-        ),
-        current_lag=0.0 if device.current_lag is None else device.current_lag.value,
-        position_stiffness=device.slope_at_zero,
-    )
-    points = [best]
-    if design.hand is not None:
-        grip = {name: getattr(design.hand, name).value for name in EFFECT_NAMES}
-        points.append(replace(best, hand=HandPlace(**grip)))
+    late = float(whole) if abs(samples - whole) <= _WHOLE else samples
+    lag = 0.0 if device.current_lag is None else device.current_lag.value
+    best = [device.mass.value, device.damping.value, device.sample_time.value, 0.0, lag]
+    best.append(device.slope_at_zero)
+    hand = [] if design.hand is None else [each.value for _, each in design.hand]
+    modes = [x.value for mode in device.modes for x in (mode.frequency_hz, mode.damping_ratio)]
+    points = [
+        region.point(np.array([*best, *(hand if region.hand else ()), *modes]), late)
+        for region in regions_of(design)
+    ]
     count = device.encoder_resolution.value
     return max(_ripple_by_integration(point, setting, count) for point in points)
 

@@ -16,7 +16,7 @@ in it as n allows, and a bounded rest.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cache, reduce
 from itertools import combinations
@@ -201,19 +201,8 @@ class _Scaled:
 
     def stacked(self) -> _Scaled:
         """With room for an axis of aliases."""
-        return _Scaled(
-            mass=add_axis(self.mass),
-            per_mass=add_axis(self.per_mass),
-            damping=add_axis(self.damping),
-            ratio=add_axis(self.ratio),
-            spring=None if self.spring is None else add_axis(self.spring),
-            spring_ratio=None if self.spring_ratio is None else add_axis(self.spring_ratio),
-            lag=None if self.lag is None else add_axis(self.lag),
-            hand=self.hand
-            and (add_axis(self.hand[0]), add_axis(self.hand[1]), add_axis(self.hand[2])),
-            modes=tuple((add_axis(a), add_axis(b)) for a, b in self.modes),
-            participations=self.participations,
-            grounded=self.grounded,
+        return replace(
+            self, **{each.name: add_axis(getattr(self, each.name)) for each in fields(self)}
         )
 
     def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:

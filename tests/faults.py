@@ -236,8 +236,8 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k box",
         (
             "intervals that hold at once",
-            "factor = widening(count, freedom, confidence)",
-            "factor = 1.0",
+            "return widening(count, freedom, confidence)",
+            "return 1.0",
         ),
     ),
     *_of(

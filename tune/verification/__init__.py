@@ -34,7 +34,6 @@ from tune.verification.delay import (
     unknown_delay,
 )
 from tune.verification.law import (
-    Log,
     MeasuredCutoff,
     Outcome,
     combination_in_words,
@@ -218,15 +217,13 @@ def verify(
                 law.loop,
                 law.effects,
                 trajectory.position,
-                law.used,
+                law.log.used,
                 _step(trajectory),
                 0 if release is None else int(np.searchsorted(trajectory.time, release)),
             )
             rest = (*motion.outcomes, _ripple(profile, trajectory, law.loop, law.effects, motion))
             if law.outcomes[0].verdict == "agrees":
-                force, position = trajectory.force, trajectory.position
-                log = Log(loop=profile.loop, force=force, position=position, used=law.used)
-                cutoffs = measured_cutoffs(log, law.loop, law.effects)
+                cutoffs = measured_cutoffs(law.log, law.loop, law.effects)
                 delay = judge_delay(
                     profile, law.loop, law.elements, law.effects, motion.mode, cutoffs
                 )

@@ -583,7 +583,8 @@ def _plan_play(profile: Design, combination: Combination, gain: float) -> tuple[
         if prediction.frequency[0] > 0:
             held = profile.device.coulomb_friction.low / stiffness
             left = float(np.exp(-prediction.decay[0] / (2 * prediction.frequency[0])))
-            swings = len(_swings(displacement, left, held, _MOST_SWINGS))
+            after = (_amplitude(displacement, left, held, k + 1) for k in range(_MOST_SWINGS))
+            swings = sum(each > held for each in after)
             settled = min(settled, 0.5 * (swings + 1) / prediction.frequency[0])
     return Play(
         elements=combination,
@@ -611,19 +612,12 @@ def _displacement(
             return start
         if low > 0:
             left = float(np.exp(-prediction.decay[1] / (2 * low)))
-            swings = _swings(start, left, held, _TURNS)
-            if len(swings) == _TURNS and swings[-1] > _CLEAR * start:
+            if _amplitude(start, left, held, _TURNS) > max(held, _CLEAR * start):
                 return start
     return None
 
 
-def _swings(start: float, left: float, held: float, most: int) -> list[float]:
-    """Amplitudes after each half-cycle, from which friction takes twice what it holds, m."""
-    amplitudes: list[float] = []
-    amplitude = start
-    while len(amplitudes) < most:
-        amplitude = (amplitude - held) * left - held
-        if amplitude <= held:
-            break
-        amplitudes.append(amplitude)
-    return amplitudes
+def _amplitude(start: float, left: float, held: float, count: int) -> float:
+    """Amplitude after so many half-cycles, from which friction takes twice what it holds, m."""
+    taken = held * (1 + left) / (1 - left)
+    return (start + taken) * left**count - taken

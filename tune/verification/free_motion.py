@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,30 +117,18 @@ def find_release(position: FloatArray, first: int) -> Release | None:
 def _turning_points(position: FloatArray, clear: float) -> list[int]:
     """Rows at which the motion turns by more than ``clear``; the first is where it sets off.
 
-    A turning point that spans several equal readings is in their middle, the first at their end.
+    A turning point that spans several equal readings is in their middle.
     """
+    from scipy.signal import find_peaks
 
-    def middle(row: int) -> int:
-        last = row
-        while last + 1 < position.size and position[last + 1] == position[row]:
-            last += 1
-        return (row + last) // 2
-
-    found: list[int] = []
-    low = high = 0
-    rising: bool | None = None
-    for row, place in enumerate(position.tolist()):
-        if place > position[high] or (rising is None and place == position[high]):
-            high = row
-        if place < position[low] or (rising is None and place == position[low]):
-            low = row
-        if rising is not False and position[high] - place > clear:
-            found.append(high if rising is None else middle(high))
-            rising, low = False, row
-        elif rising is not True and place - position[low] > clear:
-            found.append(low if rising is None else middle(low))
-            rising, high = True, row
-    return found
+    sides: dict[int, int] = {}
+    for side in (1, -1):
+        # Where the motion sets off is no lower than what is before it.
+        rows, _ = find_peaks(np.append(-np.inf, side * position), prominence=clear)
+        sides |= dict.fromkeys((rows - 1).tolist(), side)
+    turns = sorted(sides)
+    # Of two equal peaks beside one another the first is the turning point.
+    return turns[:1] + [b for a, b in pairwise(turns) if sides[a] != sides[b]]
 
 
 def _grows(position: FloatArray, turns: list[int], start: int) -> bool:
@@ -240,15 +229,9 @@ def _friction(position: FloatArray, release: Release) -> FloatArray | None:
     """-sign of the speed, from the turning points; None where the handle does not turn."""
     if not release.turns:
         return None
-    force = np.empty(release.end - release.first)
-    bounds = [release.first, *release.turns]
-    for begin, end in zip(bounds, [*bounds[1:], release.end], strict=True):
-        if begin == bounds[-1]:
-            force[begin - release.first :] = np.sign(position[begin] - position[bounds[-2]])
-        else:
-            sense = np.sign(position[begin] - position[end])
-            force[begin - release.first : end - release.first] = sense
-    return force
+    turns = np.array([release.first, *release.turns])
+    senses = -np.sign(np.diff(position[turns]))
+    return np.repeat(np.append(senses, -senses[-1]), np.diff(np.append(turns, release.end)))
 
 
 def _answer(shift: FloatArray, natural: float, ratio: float, sample_time: float) -> FloatArray:

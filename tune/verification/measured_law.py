@@ -83,7 +83,7 @@ class MeasuredLaw:
     effects: Effects | None  # as played; None where no law explains the force
     gain: float  # part of the profile's effects, by its own law; nan where the law is another
     predicted: FloatArray  # by the profile's own law at its best gain, N, nan where not used; (n,)
-    used: NDArray[np.bool_]  # rows the law was judged on, shape (n,)
+    log: Log  # with the rows the law was judged on
     outcomes: tuple[Outcome, ...]  # "law" and "gain"
 
 
@@ -107,7 +107,7 @@ def judge_law(
         effects=None,
         gain=float("nan"),
         predicted=np.full(force.size, np.nan),
-        used=used,
+        log=log,
         outcomes=(),
     )
     columns = log.columns(profile.loop)
@@ -136,25 +136,23 @@ def judge_law(
     outcome = _law_outcome(fit, columns.scale, found, combination, unit, agrees=agrees)
     predicted = np.full(force.size, np.nan)
     predicted[columns.rows] = force[columns.rows] - fit.left
+    seen = replace(unseen, elements=combination, predicted=predicted)
     if found is not None:
         return replace(
-            unseen,
+            seen,
             elements=found.elements,
             loop=found.law.loop,
             effects=found.effects,
-            predicted=predicted,
             outcomes=(outcome, unassessed_outcome("gain", "the law is not the profile's")),
         )
     if not agrees:
         unsaid = unassessed_outcome("gain", "no law explains the force")
-        return replace(unseen, elements=combination, outcomes=(outcome, unsaid))
+        return replace(seen, outcomes=(outcome, unsaid))
     others = {other: fits[other].gain for other in alike[1:]}
     return replace(
-        unseen,
-        elements=combination,
+        seen,
         effects=scaled,
         gain=fit.gain,
-        predicted=predicted,
         outcomes=(outcome, _gain_outcome(fit.gain, gain, combination, others)),
     )
 

@@ -426,7 +426,7 @@ class _Known:
 
     words: str  # whose it is
     color: str  # of its line
-    ends: dict[str, tuple[float, float, float]]  # (low, value, high) of each quantity it tells
+    ends: dict[str, list[float]]  # low, value and high of each quantity it tells
 
 
 def _knowledge(device: Device, fits: Sequence[LogFit], before: Device | None) -> list[_Known]:
@@ -466,29 +466,24 @@ def _draw_intervals(axes: Sequence[Axes], lines: Sequence[_Known], units: dict[s
 
 
 def _of_device(device: Device, words: str, color: str) -> _Known:
-    ends: dict[str, tuple[float, float, float]] = {}
+    ends: dict[str, list[float]] = {}
     for name in _SYMBOLS:
         quantity: Quantity = getattr(device, name)
         if name != "delay" or "delay" not in device.missing:
             factor = 1e3 if name == "delay" else 1.0
-            ends[name] = _times(factor, quantity.low, quantity.value, quantity.high)
+            ends[name] = [factor * end for end in (quantity.low, quantity.value, quantity.high)]
     return _Known(words=words, color=color, ends=ends)
 
 
 def _of_estimate(estimate: Estimate, words: str, color: str) -> _Known:
-    ends: dict[str, tuple[float, float, float]] = {}
-    for name in estimate.parameters:
-        if name in _SYMBOLS:
-            value, half = estimate.value(name), NORMAL_95 * estimate.deviation(name)
-            ends[name] = (value - half, value, value + half)
+    told = {each: (estimate.value(each), estimate.deviation(each)) for each in estimate.parameters}
     if estimate.delay_deviation is not None:
-        half = NORMAL_95 * estimate.delay_deviation
-        ends["delay"] = _times(1e3, estimate.delay - half, estimate.delay, estimate.delay + half)
+        told["delay"] = (1e3 * estimate.delay, 1e3 * estimate.delay_deviation)
+    ends = {
+        name: [value - NORMAL_95 * deviation, value, value + NORMAL_95 * deviation]
+        for name, (value, deviation) in told.items()
+    }
     return _Known(words=words, color=color, ends=ends)
-
-
-def _times(factor: float, low: float, value: float, high: float) -> tuple[float, float, float]:
-    return factor * low, factor * value, factor * high
 
 
 def excitation_picture(excitation: Excitation) -> Figure:

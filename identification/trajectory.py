@@ -41,8 +41,6 @@ _SMALL_STEPS = 50.0
 _FEWEST_STEPS = 20
 #: A step may miss a whole number of counts by this part of a count (printed digits).
 _OFF_GRID = 0.05
-#: Steps held at once.
-_BLOCK = 1 << 20
 #: The noise is read in the band from this part of the sampling rate to its half, ...
 _BAND = 0.3
 #: ... of second differences, cut to this many samples at most: more add time, not truth.
@@ -245,35 +243,18 @@ def _remembered(make: Callable[..., _Answer], *columns: FloatArray) -> _Answer:
 def _count_of(position: FloatArray) -> float | None:
     # Below rounding of the values themselves a difference says nothing.
     floor = 16 * float(np.spacing(max(abs(position.max()), abs(position.min()))))
-    blocks = [slice(i, i + _BLOCK + 1) for i in range(0, position.size - 1, _BLOCK)]
-    smallest, seen = np.inf, 0
-    for rows in blocks:
-        steps = _steps(position[rows], floor)
-        seen += steps.size
-        smallest = min(smallest, float(steps.min(initial=np.inf)))
-    if seen == 0:
-        return None
-    small, crossed, square = 0, 0.0, 0.0
-    for rows in blocks:
-        steps = _steps(position[rows], floor, _SMALL_STEPS * smallest)
-        whole = np.rint(steps / smallest)
-        small += steps.size
-        crossed += float(np.sum(steps * whole))
-        square += float(np.sum(whole * whole))
-    if small < min(_FEWEST_STEPS, seen):
-        return None
-    count = crossed / square
-    for rows in blocks:
-        counts = _steps(position[rows], floor, _SMALL_STEPS * smallest) / count
-        if np.max(np.abs(counts - np.rint(counts)), initial=0.0) >= _OFF_GRID:
-            return None
-    return count
-
-
-def _steps(position: FloatArray, above: float, most: float = np.inf) -> FloatArray:
-    """Sizes of the changes from one sample to the next that lie within some bounds, m."""
     steps = np.abs(np.diff(position))
-    return steps[(steps > above) & (steps <= most)]
+    steps = steps[steps > floor]
+    if not steps.size:
+        return None
+    smallest = float(steps.min())
+    small = steps[steps <= _SMALL_STEPS * smallest]
+    if small.size < min(_FEWEST_STEPS, steps.size):
+        return None
+    whole = np.rint(small / smallest)
+    count = float(np.sum(small * whole)) / float(np.sum(whole * whole))
+    counts = small / count
+    return count if np.max(np.abs(counts - np.rint(counts))) < _OFF_GRID else None
 
 
 def position_noise(

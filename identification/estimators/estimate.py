@@ -366,15 +366,16 @@ def spread(
     condition = float(np.sqrt(singular[0] / weakest))
     symmetric = instruments is None
     shifts = _left_out(total, normal, right) if symmetric else _halfway(total, normal, right)
-    inverse = _inverse(total, symmetric=symmetric)
+    inverse = symmetric_inverse(total, _SINGULAR)
     if not symmetric:
+        inverse = np.asarray(np.linalg.pinv(total, rcond=_SINGULAR), dtype=np.float64)
         inverse = inverse @ (tests @ tests.T / np.outer(sizes, sizes)) @ inverse.T
     # Nuisance columns take up their part of the signal, so only the rest can mislead.
     power = float(signal @ signal)
     if keep < norms.size:
         seen = columns[keep:] @ signal / norms[keep:]
         rest = columns[keep:] @ columns[keep:].T / np.outer(norms[keep:], norms[keep:])
-        power -= float(seen @ _inverse(rest) @ seen)
+        power -= float(seen @ symmetric_inverse(rest, _SINGULAR) @ seen)
     floor = UNKNOWN_FORCE**2 * max(power, 0.0) * inverse
     covariance = (shifts.T @ shifts + floor) / np.outer(norms, norms)
     # Rounding may leave the variance of what nothing tells a little below zero.
@@ -393,7 +394,7 @@ def _left_out(total: FloatArray, blocks: FloatArray, right: FloatArray) -> Float
     A is the sum of the symmetric blocks A_i; c_i, on the right, what each makes of the residual.
     """
     count = len(blocks)
-    lost = np.einsum("ijk,ik->ij", _inverse(total - blocks), right)
+    lost = np.einsum("ijk,ik->ij", symmetric_inverse(total - blocks, _SINGULAR), right)
     return np.sqrt((count - 1) / count) * lost
 
 
@@ -403,7 +404,7 @@ def _halfway(total: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatA
     A block has taken part of its own noise; the first is too small for it and the second too large
     (Bell and McCaffrey, Survey Methodology 28, 2002, p. 169). Arguments as for ``_left_out``.
     """
-    inverse = _inverse(total, symmetric=False)
+    inverse = np.linalg.pinv(total, rcond=_SINGULAR)
     rest, back = np.linalg.eig(np.eye(len(total)) - inverse @ blocks)
     forth = np.einsum("ijk,ik->ij", np.linalg.pinv(back), right @ inverse.T)
     # A direction that one block alone tells has no residual there.
@@ -415,13 +416,6 @@ def _halfway(total: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatA
 def _norms(columns: FloatArray) -> FloatArray:
     norms = np.sqrt(np.einsum("ij,ij->i", columns, columns))
     return np.where(norms > 0, norms, 1.0)
-
-
-def _inverse(normal: FloatArray, *, symmetric: bool = True) -> FloatArray:
-    """Pseudo-inverse of square matrices, shape (..., p, p); finite for columns alike, too."""
-    if symmetric:
-        return symmetric_inverse(normal, _SINGULAR)
-    return np.asarray(np.linalg.pinv(normal, rcond=_SINGULAR), dtype=np.float64)
 
 
 #: A log is looked at in so many parts at most, which hold the lines that matter.

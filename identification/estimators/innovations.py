@@ -31,7 +31,7 @@ from identification.estimators.least_squares import (
     Regression,
     complete_estimate,
 )
-from identification.estimators.signals import Gain, HeldResponse
+from identification.estimators.signals import HeldResponse
 
 FloatArray = NDArray[np.float64]
 
@@ -130,18 +130,18 @@ def _difference(column: FloatArray, decay: FloatArray) -> FloatArray:
     return column[1:] - _earlier(decay) * column[:-1]
 
 
-def _row(device: HeldResponse, gain: Gain) -> FloatArray:
+def _row(device: HeldResponse, gain: FloatArray) -> FloatArray:
     """What a column adds to the difference of speeds at inner samples, shape (n - 2,)."""
-    return gain.velocity[:-1] + _difference(gain.distance / device.full.speed, device.full.decay)
+    return gain[0, :-1] + _difference(gain[1] / device.full.speed, device.full.decay)
 
 
-def _row_slope(device: HeldResponse, gain: Gain, slope: Gain) -> FloatArray:
+def _row_slope(device: HeldResponse, gain: FloatArray, slope: FloatArray) -> FloatArray:
     """Derivative of a row by p."""
     full = device.full
-    share = gain.distance / full.speed
-    changed = slope.distance / full.speed - share * full.speed_slope / full.speed
+    share = gain[1] / full.speed
+    changed = slope[1] / full.speed - share * full.speed_slope / full.speed
     bent = _difference(changed, full.decay) - _earlier(full.decay_slope) * share[:-1]
-    return slope.velocity[:-1] + bent
+    return slope[0, :-1] + bent
 
 
 def _row_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from identification.estimators.least_squares import (
     longest_delay,
 )
 from identification.estimators.motion import Motion
-from identification.estimators.signals import Commands, Gain, HeldColumn, HeldResponse, of_rows
+from identification.estimators.signals import Commands, HeldColumn, HeldResponse, of_rows
 
 FloatArray = NDArray[np.float64]
 
@@ -149,14 +149,11 @@ def _simulated(table: Regression, values: FloatArray, delay: float) -> FloatArra
     device = HeldResponse.at(drive.rate_of(values), drive.steps)
     mass = values[0] if values[0] > 0 else 1.0
     weights = np.concatenate(([1.0], -values[2:])) / mass
-    nothing = np.zeros(table.signals.speed.size)
-    velocity, distance = nothing, nothing
+    gain = np.zeros((2, table.signals.speed.size))
     for weight, held in zip(weights, drive.inputs(delay), strict=True):
-        gain = device.gain(held)
-        velocity = velocity + weight * gain.velocity
-        distance = distance + weight * gain.distance
-    moved, _ = device.position(Gain(velocity=velocity, distance=distance))
-    coasted = device.coasting(nothing.size)
+        gain += weight * device.gain(held)
+    moved, _ = device.position(gain)
+    coasted = device.coasting(table.signals.speed.size)
     starts = np.stack((np.ones(moved.size), coasted), axis=1)
     missing = table.signals.position - moved
     return moved + starts @ np.linalg.lstsq(starts, missing, rcond=None)[0]

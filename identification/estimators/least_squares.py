@@ -27,12 +27,11 @@ from identification.estimators.motion import Motion, measured_motion, others, re
 from identification.estimators.signals import (
     FIRST,
     Commands,
-    Gain,
     HeldColumn,
     HeldResponse,
-    Kinematics,
     Signals,
     even_taps,
+    kinematics_of,
     mean_step,
     of_rows,
     unknown_intervals,
@@ -174,7 +173,7 @@ class Regression:
         cls, signals: Signals, model: Model, motion: Motion, *, cut_off: CutOff, known: int
     ) -> Regression:
         """Columns of a log; see the attributes."""
-        rows, low_pass = signals.kinematics, LowPass.at(cut_off.frequency, signals.step)
+        low_pass = LowPass.at(cut_off.frequency, signals.step)
         table = cls(
             signals=signals,
             model=model,
@@ -182,7 +181,7 @@ class Regression:
             motion=motion,
             cut_off=cut_off,
             low_pass=low_pass,
-            columns=low_pass(np.stack((rows.acceleration, rows.velocity)))[:, known:],
+            columns=low_pass(signals.kinematics)[:, known:],
             mean_speed=0.0,
             logged=np.empty(0)
             if isinstance(signals.steps, np.ndarray)
@@ -227,10 +226,9 @@ class Regression:
     def unfiltered(self, position: FloatArray, motion: Motion) -> FloatArray:
         """Columns of another position and direction of motion before the filter."""
         steps = self.signals.steps
-        rows = Kinematics.of(position - np.mean(position), steps)
         beside = terms(self.model, motion, position, steps).columns
         triangles = [of_rows(each.triangle()) for each in beside]
-        return np.stack((rows.acceleration, rows.velocity, *triangles))
+        return np.stack((*kinematics_of(position - np.mean(position), steps), *triangles))
 
     def _with_terms(self) -> Regression:
         found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
@@ -376,11 +374,10 @@ class Drive:
         """Force, then the terms, where they act."""
         return (self.commands.after(delay).times(self.moving), *self.terms)
 
-    def slope_by_delay(self, device: HeldResponse, delay: float) -> Gain:
+    def slope_by_delay(self, device: HeldResponse, delay: float) -> FloatArray:
         """What the force adds in each interval, differentiated by its delay."""
         force = self.commands.after(delay)
-        later = device.slope_by_delay(force, float(self.commands.value[0]))
-        return Gain(velocity=later.velocity * self.moving, distance=later.distance * self.moving)
+        return device.slope_by_delay(force, float(self.commands.value[0])) * self.moving
 
     @property
     def rates(self) -> tuple[float, float]:
@@ -413,7 +410,7 @@ def prepare(
 ) -> Regression:
     """The regression of one log, whose force can be had with any delay up to the one given, s."""
     signals = Signals.of(trajectory)
-    acceleration = signals.kinematics.acceleration
+    acceleration = signals.kinematics[0]
     chosen = choose_cut_off(acceleration, signals.step, signals.noise)
     motion = Motion.always(signals.speed.size, signals.steps)
     if model.coulomb:

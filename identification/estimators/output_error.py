@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 
 from identification.estimators.estimate import (
     Estimate,
-    Model,
     PointEstimate,
     gauss_newton,
     physical,
@@ -37,13 +36,7 @@ from identification.estimators.estimate import (
 from identification.estimators.filters import is_coloured, whiteness
 from identification.estimators.least_squares import Drive, Regression, complete_estimate
 from identification.estimators.motion import Direction, Motion, Path, others, path, terms
-from identification.estimators.signals import (
-    Gain,
-    HeldColumn,
-    HeldResponse,
-    Signals,
-    accumulate_decay,
-)
+from identification.estimators.signals import HeldColumn, HeldResponse, accumulate_decay
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -63,7 +56,7 @@ class _Acting(NamedTuple):
 
     device: HeldResponse
     inputs: tuple[HeldColumn, ...]
-    gains: tuple[Gain, ...]
+    gains: tuple[FloatArray, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,15 +100,12 @@ class _Problem:
     def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
         del residual
         device, inputs, gains = self._acting(theta)
-        velocity, distance, added = (np.zeros(self.position.size - 1) for _ in range(3))
+        moved, added = np.zeros((2, self.position.size - 1)), np.zeros(self.position.size - 1)
         for weight, held, driven in zip(weights, inputs, gains, strict=False):
-            slope = device.slope_by_rate(held)
-            velocity += weight * slope.velocity
-            distance += weight * slope.distance
-            added += weight * driven.velocity
+            moved += weight * device.slope_by_rate(held)
+            added += weight * driven[0]
         speed = device.speed(added, start=float(weights[-2]))
-        gain = Gain(velocity=velocity, distance=distance)
-        slopes = [device.position_slope(speed, gain)[self.known :]]
+        slopes = [device.position_slope(speed, moved)[self.known :]]
         if self.drive.delay is None:
             later = self.drive.slope_by_delay(device, self.drive.delay_of(theta))
             slopes.append(weights[0] * device.position(later)[0][self.known :])
@@ -157,7 +147,8 @@ def _found(table: Regression, first: float, *, fits_delay: bool) -> PositionFit:
     if not _has_friction(table, projected) and not is_coloured(projected.residual):
         # Nothing is left over, and there is no friction whose turns could be told better.
         return projected
-    found = _turning(table, first, fits_delay=fits_delay)
+    drive = Drive.bare(table.signals, None if fits_delay else first)
+    found = _Turning(table=table, drive=drive).fit(first)
     if found is None:
         return projected
     doubted = not _has_friction(table, found) or whiteness(found.residual) > _DOUBTED
@@ -188,22 +179,6 @@ def _has_friction(table: Regression, found: PositionFit) -> bool:
     variance = float(found.residual @ found.residual) / found.residual.size * inverse[at, at]
     # Rounding makes that of what nothing tells negative.
     return bool(variance >= 0 and found.values[at] > _CLEAR * np.sqrt(variance) / norms[at])
-
-
-def _turning(table: Regression, first: float, *, fits_delay: bool) -> PositionFit | None:
-    """The fit whose turns are those of its own simulation."""
-    signals = table.signals
-    turns = FrictionProblem(
-        signals=signals,
-        model=table.model,
-        drive=Drive.bare(signals, None if fits_delay else first),
-        known=table.known,
-        mean_speed=table.mean_speed,
-    )
-    standing = table.motion.moving[0] == 0
-    speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
-    start = np.array([*table.solve(first), *([first] * fits_delay), speed, signals.position[0]])
-    return turns.fit(start)
 
 
 def _projected(table: Regression, first: float, *, fits_delay: bool) -> PositionFit:
@@ -257,7 +232,7 @@ class PositionFit:
 class _Simulated:
     """One simulation: everything its derivatives need."""
 
-    values: FloatArray  # see Turns.fit.
+    values: FloatArray  # see _Turning
     #: the device forward and backward; one alone where friction is the same
     ways: tuple[HeldResponse, ...]
     inputs: tuple[HeldColumn, ...]  # force, then the terms beside damping, where they act
@@ -277,29 +252,30 @@ class _Simulated:
 
     def gain(self, held: HeldColumn) -> FloatArray:
         """Velocity and distance that a column adds, shape (2, n - 1)."""
-        return self.by_way(lambda way: _pair(way.gain(held)))
+        return self.by_way(lambda way: way.gain(held))
 
     def slope_by_rate(self, held: HeldColumn) -> FloatArray:
         """Derivative of ``gain`` by p."""
-        return self.by_way(lambda way: _pair(way.slope_by_rate(held)))
+        return self.by_way(lambda way: way.slope_by_rate(held))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FrictionProblem:
-    """The output-error problem of one log with Coulomb friction."""
+class _Turning:
+    """The output-error problem of one log with Coulomb friction, turns as simulated.
 
-    signals: Signals  # of the log
-    model: Model  # with Coulomb friction
+    Values are m, b, terms, the delay if it is fitted, start velocity, start position.
+    """
+
+    table: Regression
     drive: Drive  # the force; its delay is None if it is fitted
-    known: int  # first sample after intervals that feel only logged forces
-    mean_speed: float  # s of the model, m/s
 
-    def fit(self, start: FloatArray) -> PositionFit | None:
-        """The best fit; None if friction or mass vanish at the start.
-
-        A start is m, b, terms, the delay if it is fitted, start velocity, start position.
-        """
-        best = self._simulated(start)
+    def fit(self, delay: float) -> PositionFit | None:
+        """The best fit from that of the regression; None if friction or mass vanish there."""
+        table, signals = self.table, self.table.signals
+        standing = table.motion.moving[0] == 0
+        speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
+        late = [delay] * (self.drive.delay is None)
+        best = self._simulated(np.array([*table.solve(delay), *late, speed, signals.position[0]]))
         if best is None:
             return None
         jacobian, fresh, converged = self._jacobian(best), True, False
@@ -343,7 +319,7 @@ class FrictionProblem:
         return float(values[-3]) if self.drive.delay is None else self.drive.delay
 
     def _simulated(self, values: FloatArray) -> _Simulated | None:
-        model, steps = self.model, self.drive.steps
+        model, signals, steps = self.table.model, self.table.signals, self.drive.steps
         known = dict(zip(model.parameters, values.tolist(), strict=False))
         mass, friction = known["mass"], known["coulomb_friction"]
         delay, (least, most) = self._delay(values), self.drive.delays
@@ -351,7 +327,7 @@ class FrictionProblem:
             return None
         # The asymmetry is in the ways; its column is about the mean speed, which leaves an offset.
         asymmetry = known.get("damping_asymmetry", 0.0)
-        known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * self.mean_speed
+        known["force_offset"] = known.get("force_offset", 0.0) - asymmetry * self.table.mean_speed
         ways = tuple(
             HeldResponse.at((known["damping"] + side) / mass, steps)
             for side in ((asymmetry, -asymmetry) if model.directional else (0.0,))
@@ -363,12 +339,10 @@ class FrictionProblem:
         # Without an asymmetry no other term leans on the direction.
         anyway = Motion.always(self.drive.moving.size, steps)
         plain = replace(model, directional=False)
-        rest = others(plain, anyway, self.signals.position, steps, known)
+        rest = others(plain, anyway, signals.position, steps, known)
         resisting = HeldColumn.constant(rest, steps)
         driven = [
-            Direction.of(
-                way, way.speed((way.gain(force).velocity - way.gain(resisting).velocity) / mass)
-            )
+            Direction.of(way, way.speed((way.gain(force)[0] - way.gain(resisting)[0]) / mass))
             for way in ways
         ]
         along = path(
@@ -388,11 +362,11 @@ class FrictionProblem:
         for weight, held in zip((1.0, -friction, -1.0), inputs, strict=True):
             moved = moved + weight / mass * point.gain(held)[1]
         simulated = float(values[-1]) + np.concatenate(([0.0], np.cumsum(moved)))
-        residual = (self.signals.position - simulated)[self.known :]
+        residual = (signals.position - simulated)[self.table.known :]
         return replace(point, residual=residual) if np.all(np.isfinite(residual)) else None
 
     def _jacobian(self, point: _Simulated) -> FloatArray:
-        values, along, names = point.values, point.along, self.model.parameters
+        values, along, model = point.values, point.along, self.table.model
         mass, moving = float(values[0]), along.motion.moving
         intervals = moving.size
         added: dict[str, FloatArray] = {}
@@ -405,16 +379,16 @@ class FrictionProblem:
         rates = point.by_way(lambda way: np.full(intervals, way.rate))
         added["mass"] = net - rates / mass * by_rate
         added["damping"] = by_rate / mass
-        found = terms(self.model, along.motion, self.signals.position, self.drive.steps)
-        for name, held in zip(names[2:], found.columns, strict=True):
+        found = terms(model, along.motion, self.table.signals.position, self.drive.steps)
+        for name, held in zip(model.parameters[2:], found.columns, strict=True):
             added[name] = -point.gain(held) / mass
-        if self.model.directional:
+        if model.directional:
             side = np.where(along.forward, 1.0, -1.0)
             constant = added["force_offset"]
-            added["damping_asymmetry"] = side * added["damping"] - self.mean_speed * constant
+            added["damping_asymmetry"] = side * added["damping"] - self.table.mean_speed * constant
         if self.drive.delay is None:
             delay = self._delay(values)
-            later = point.by_way(lambda way: _pair(self.drive.slope_by_delay(way, delay)))
+            later = point.by_way(lambda way: self.drive.slope_by_delay(way, delay))
             added["delay"] = later * moving / mass
         added["start"] = np.zeros((2, intervals))
         names = tuple(added)
@@ -429,12 +403,7 @@ class FrictionProblem:
             moved = full * speeds[row, :-1]
             moved += added[name][1]
             np.cumsum(moved, out=jacobian[row, 1:])
-        return jacobian[:, self.known :]
-
-
-def _pair(gain: Gain) -> FloatArray:
-    """Velocity and distance as rows, shape (2, n - 1)."""
-    return np.stack((gain.velocity, gain.distance))
+        return jacobian[:, self.table.known :]
 
 
 def _coasting_slope(way: HeldResponse) -> FloatArray:

@@ -198,25 +198,16 @@ def unknown_intervals(steps: float | FloatArray, delay: float) -> int:
     return int(np.searchsorted(np.cumsum(steps), delay)) + 1 if delay > 0 else 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Kinematics:
-    """Unfiltered rows of acceleration (m/s²) and velocity (m/s), shape (n - 4,) each."""
-
-    acceleration: FloatArray
-    velocity: FloatArray
-
-    @classmethod
-    def of(cls, position: FloatArray, steps: float | FloatArray) -> Kinematics:
-        """Rows of a position."""
-        step = mean_step(steps)
-        bend = np.diff(np.diff(position) / steps)
-        # Mean position of an interval: the chord less what the motion bends away from it.
-        between = (steps[1:] + steps[:-1]) / 2 if isinstance(steps, np.ndarray) else steps
-        curved = bend / between
-        bends = (curved[1:] + curved[:-1]) / 2
-        inner = steps[1:-1] if isinstance(steps, np.ndarray) else steps
-        mean = (position[1:-2] + position[2:-1]) / 2 - inner * inner / 12 * bends
-        return cls(acceleration=bend[1:-1] / step, velocity=np.diff(mean) / step)
+def kinematics_of(position: FloatArray, steps: float | FloatArray) -> FloatArray:
+    """Unfiltered rows of acceleration (m/s²) and velocity (m/s), shape (2, n - 4)."""
+    bend = np.diff(np.diff(position) / steps)
+    # Mean position of an interval: the chord less what the motion bends away from it.
+    between = (steps[1:] + steps[:-1]) / 2 if isinstance(steps, np.ndarray) else steps
+    curved = bend / between
+    bends = (curved[1:] + curved[:-1]) / 2
+    inner = steps[1:-1] if isinstance(steps, np.ndarray) else steps
+    mean = (position[1:-2] + position[2:-1]) / 2 - inner * inner / 12 * bends
+    return np.stack((bend[1:-1], np.diff(mean))) / mean_step(steps)
 
 
 def of_rows(triangles: FloatArray) -> FloatArray:
@@ -234,7 +225,7 @@ class Signals:
     position: FloatArray  # m, shape (n,)
     commands: Commands  # forces as logged
     speed: FloatArray  # mean velocity of each interval, m/s, shape (n - 1,)
-    kinematics: Kinematics  # rows of acceleration and velocity
+    kinematics: FloatArray  # rows of acceleration and velocity, shape (2, n - 4)
     noise: float  # standard deviation of one position reading, m
     #: logged set-point, m, shape (n,); None if there is none, or it never moves
     reference: FloatArray | None
@@ -249,7 +240,7 @@ class Signals:
             position=position,
             commands=Commands.of(trajectory.force, steps),
             speed=np.diff(position) / steps,
-            kinematics=Kinematics.of(position - np.mean(position), steps),
+            kinematics=kinematics_of(position - np.mean(position), steps),
             noise=position_noise(position, trajectory.force, steps),
             reference=None if reference is None or np.ptp(reference) == 0 else reference,
         )
@@ -317,16 +308,11 @@ class StepResponse:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Gain:
-    """Velocity and distance that each interval adds by itself, shape (n - 1,) each."""
-
-    velocity: FloatArray
-    distance: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class HeldResponse:
-    """A device of rate p on the grid of one log, moved by held columns."""
+    """A device of rate p on the grid of one log, moved by held columns.
+
+    A gain is velocity and distance that each interval adds by itself, shape (2, n - 1).
+    """
 
     rate: float  # p, 1/s
     full: StepResponse  # of one full interval; numbers, or arrays of shape (n - 1,)
@@ -337,26 +323,25 @@ class HeldResponse:
         """For p in 1/s and the steps of a log in s: one number, or shape (n - 1,)."""
         return cls(rate=rate, full=StepResponse.during(steps, rate), steps=steps)
 
-    def gain(self, column: HeldColumn) -> Gain:
+    def gain(self, column: HeldColumn) -> FloatArray:
         """What a column, force per mass, adds in each interval."""
         return self._moved(column, lambda response: (response.speed, response.place))
 
-    def slope_by_rate(self, column: HeldColumn) -> Gain:
+    def slope_by_rate(self, column: HeldColumn) -> FloatArray:
         """Derivative of ``gain`` by p."""
         return self._moved(column, lambda response: (response.speed_slope, response.place_slope))
 
     def _moved(
         self, column: HeldColumn, of: Callable[[StepResponse], tuple[FloatArray, FloatArray]]
-    ) -> Gain:
+    ) -> FloatArray:
         """What a column adds of two parts of the response, with its jumps inside the intervals."""
-        velocity, distance = (column.level * part for part in of(self.full))
+        gain = np.stack([column.level * part for part in of(self.full)])
         if column.change.size:
             jump = of(StepResponse.during(column.left, self.rate))
-            velocity = velocity + column.added(jump[0])
-            distance = distance + column.added(jump[1])
-        return Gain(velocity=velocity, distance=distance)
+            gain += [column.added(part) for part in jump]
+        return gain
 
-    def slope_by_delay(self, column: HeldColumn, first: float) -> Gain:
+    def slope_by_delay(self, column: HeldColumn, first: float) -> FloatArray:
         """Derivative of ``gain`` by a delay of all jumps; ``first`` is the value before the log."""
         level = column.level
         before = np.concatenate(([first], level[:-1]))
@@ -364,13 +349,11 @@ class HeldResponse:
             inside = column.added(1.0)
             before[1:] += inside[:-1]
         border = level - before
-        velocity = -border * self.full.decay
-        distance = -border * self.full.speed
+        slope = np.stack((-border * self.full.decay, -border * self.full.speed))
         if column.change.size:
             jump = StepResponse.during(column.left, self.rate)
-            velocity = velocity - column.added(jump.decay)
-            distance = distance - column.added(jump.speed)
-        return Gain(velocity=velocity, distance=distance)
+            slope -= [column.added(jump.decay), column.added(jump.speed)]
+        return slope
 
     def speed(self, added: FloatArray, start: float = 0.0) -> FloatArray:
         """Velocity at each sample, shape (n,), from what intervals add to it, shape (n - 1,)."""
@@ -378,22 +361,20 @@ class HeldResponse:
             return recursive(np.concatenate(([start], added)), -float(self.full.decay))
         return accumulate_decay(self.full.decay, [added], [start])[0]
 
-    def position(self, gain: Gain, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    def position(self, gain: FloatArray, start: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Position and velocity, shape (n,) each, from rest at zero or from a start velocity."""
-        speed = self.speed(gain.velocity, start)
-        moved = self.full.speed * speed[:-1] + gain.distance
+        speed = self.speed(gain[0], start)
+        moved = self.full.speed * speed[:-1] + gain[1]
         return np.concatenate(([0.0], np.cumsum(moved))), speed
 
     def coasting(self, intervals: int) -> FloatArray:
         """Position, shape (n,), from a start velocity of 1 under no force."""
-        nothing = np.zeros(intervals)
-        return self.position(Gain(velocity=nothing, distance=nothing), start=1.0)[0]
+        return self.position(np.zeros((2, intervals)), start=1.0)[0]
 
-    def position_slope(self, speed: FloatArray, slope: Gain) -> FloatArray:
+    def position_slope(self, speed: FloatArray, slope: FloatArray) -> FloatArray:
         """Derivative of a position by p, from its velocity and the slope of what is added."""
-        added = self.full.decay_slope * speed[:-1] + slope.velocity
-        moved = self.full.speed_slope * speed[:-1] + slope.distance
-        return self.position(Gain(velocity=added, distance=moved))[0]
+        coasted = self.full.decay_slope * speed[:-1], self.full.speed_slope * speed[:-1]
+        return self.position(slope + coasted)[0]
 
 
 def accumulate_decay(

@@ -273,13 +273,9 @@ def choose(prepared: PreparedLog, method: str, explained: str | None) -> tuple[E
 def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
     """The estimate to believe where forces act that the log does not know.
 
-    Innovations weigh every frequency by what it tells, so they are best where the model is right.
-    Where it is not (friction that no sign of the velocity describes), they follow its errors at
-    high frequencies; least squares stays where the motion is, and instruments from a logged
-    reference are free, besides, of the noise that a feedback puts into the force. So the estimate
-    that leans on least comes first, and another takes its place only if its joint region of mass
-    and damping is no larger and Hausman's test finds no contradiction. What follows a set-point
-    under a white force is left to least squares and instruments: innovations tell nothing more.
+    The one that leans on least comes first, and another takes its place only if its joint region of
+    mass and damping is no larger and Hausman's test finds no contradiction; docs/theory.md, 7. What
+    follows a set-point under a white force is left to least squares and instruments.
     """
     candidates = _robust_ones(prepared)
     judge = candidates[0]
@@ -481,10 +477,8 @@ def _add_paying_terms(prepared: PreparedLog) -> tuple[PreparedLog, str]:
     """The log with those further terms that pay for themselves, and what sparse regression says.
 
     For a log of which position noise does not explain all. Friction by direction and a law of
-    position stay if the square of their value over their robust deviation exceeds the logarithm of
-    the number of rows, the price in Schwarz's criterion (Annals of Statistics 6, 1978, p. 461), in
-    least squares and in the estimate believed, and if sparse regression on resampled halves of the
-    log asks for them too.
+    position stay if they pay in least squares and in the estimate believed, and if sparse
+    regression on halves of the log asks for them too.
     """
     model = prepared.model
     plausible = prepared.fit("least-squares").value("mass") > 0
@@ -534,6 +528,7 @@ def _with(model: Model, groups: Collection[tuple[str, ...]], largest: Model) -> 
 
 
 def _pays(estimate: Estimate, names: tuple[str, ...]) -> bool:
+    """Whether terms are worth their price in Schwarz's criterion (Annals of Statistics 6, 1978)."""
     index = [estimate.parameters.index(name) for name in names]
     square = wald(estimate.values[index], estimate.covariance[np.ix_(index, index)])
     return square > np.log(estimate.residual.size) * len(index)

@@ -21,7 +21,7 @@ from identification.errors import Finding
 from identification.estimators.estimate import Estimate, Solution, solve_separable, spread
 from identification.estimators.filters import LowPass, recursive
 from identification.estimators.least_squares import LEAST, LOUD, Regression, prepare
-from identification.estimators.signals import HeldColumn, Kinematics, of_rows
+from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
 from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -284,7 +284,7 @@ class _Beside(_Kind):
 
     def acceleration(self, position: FloatArray) -> FloatArray:
         """Filtered rows of the acceleration of a position, nothing where the device stands."""
-        rows, moving = Kinematics.of(position, self.step).acceleration, self.table.motion.moving
+        rows, moving = kinematics_of(position, self.step)[0], self.table.motion.moving
         if not np.all(moving):
             rows = rows * of_rows(HeldColumn.constant(moving, self.step).triangle())
         return self.table.low_pass(rows)[self.table.known :]

@@ -350,15 +350,14 @@ def _kinds(own: Blocks[Kind]) -> list[Kind]:
     kinds: list[Kind] = []
     while len(kinds) < _MOST:
         left = own.left(kinds)
-        gone: dict[Kind, float] = {
-            kind: left - own.left([*kinds, kind]) for kind in own.members if kind not in kinds
-        }
-        noticed: dict[Kind, float] = {
-            each: gone[each] for each in gone if _noticed(own, each, kinds, gone[each], left)
-        }
+        others: list[Kind] = [kind for kind in own.members if kind not in kinds]
+        gone: dict[Kind, float] = {each: left - own.left([*kinds, each]) for each in others}
+        noticed: list[Kind] = [
+            each for each in others if _noticed(own, each, kinds, gone[each], left)
+        ]
         if not noticed:
             break
-        kinds.append(max(noticed, key=noticed.__getitem__))
+        kinds.append(max(noticed, key=gone.__getitem__))
     return kinds
 
 

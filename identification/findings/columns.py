@@ -1,18 +1,13 @@
 """The columns of a log: complete, with true stamps, in SI units, finely read, and in motion?
 
-Stamps are used as they are. Uneven steps by themselves spoil nothing; what a lost row takes along
-is the force of its sample, and what a gap takes along is the motion in it. Measured on a device
-moved at up to 5 Hz and 1 kHz: with a third of the rows lost mass is within 0.2 %, after a gap in
-which the speed changes by its rms mass is off by 1 % and outside of its interval.
+Stamps are used as they are (docs/decisions, 10). What a lost row takes along is the force of its
+sample, and what a gap takes along is the motion in it: with a third of the rows lost at 1 kHz mass
+is within 0.2 %, after a gap in which the speed changes by its rms it is off by 1 % and outside of
+its interval.
 
-A unit multiplies every parameter and changes no residual, so a log cannot prove its own. What can
-be seen: numbers no handle reaches, whole numbers throughout, and disagreement with the hardware
-file. Volts, amperes or mN that happen to look like newtons pass unseen without one, and with one
-where their numbers lie between a part of the continuous force and the peak force; a profile says
-that it takes the unit on trust.
-
-No remedy fits the hardware to the log: limits and counts come from data sheets, or a wrong unit
-would move into the device.
+A log cannot prove its own units, and no remedy fits the hardware to the log (docs/decisions, 37).
+What can be seen: numbers no handle reaches, whole numbers throughout, and disagreement with the
+hardware file.
 """
 
 from __future__ import annotations

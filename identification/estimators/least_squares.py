@@ -262,17 +262,13 @@ class Regression:
         if logged and self.logged.size and np.all(self.motion.moving):
             return np.stack([self._shifted(delay) for delay in delays])
         known = self.filtered_forces
-        missing = [delay for delay in dict.fromkeys(delays) if delay not in known]
-        if missing:
-            acting = [self.held_force(delay).times(self.motion.moving) for delay in missing]
-            unfiltered = np.stack([of_rows(each.triangle()) for each in acting])
-            made = dict(zip(missing, self.low_pass(unfiltered)[:, self.known :], strict=True))
-            found = np.stack([(known | made)[delay] for delay in delays])
-            if (len(known) + len(made)) * found.shape[1] > _MOST_KEPT:
-                known.clear()
-            known.update(made)
-            return found
-        return np.stack([known[delay] for delay in delays])
+        for delay in delays:
+            if delay not in known:
+                known[delay] = self.filtered(self.held_force(delay).times(self.motion.moving))
+        found = np.stack([known[delay] for delay in delays])
+        if len(known) * found.shape[1] > _MOST_KEPT:
+            known.clear()
+        return found
 
     def _shifted(self, delay: float) -> FloatArray:
         """The filtered force of a log with even steps in which nothing stands, shape (rows,)."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.estimate import Model
 from identification.estimators.filters import REACH, LowPass, gaussian
-from identification.estimators.signals import HeldColumn, HeldResponse
+from identification.estimators.signals import HeldColumn
 from identification.trajectory import Trajectory, position_noise
 
 FloatArray = NDArray[np.float64]
@@ -320,8 +320,6 @@ def _middle(column: FloatArray) -> FloatArray:
 
 #: Intervals looked through for the next turn at first; four times as many each time there is none.
 _LOOK = 128
-#: Samples tabulated: the first two looks.
-_TABLE = 5 * _LOOK
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -336,33 +334,12 @@ class Path:
     kept: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Direction:
+class Direction(NamedTuple):
     """One direction of motion."""
 
-    device: HeldResponse  # p = b/m in this direction on the grid of the log
+    rate: float  # p = b/m in this direction, 1/s
     #: velocity if all forces but Coulomb friction acted with this p, from rest, shape (n,)
     free: FloatArray
-    #: part left of a velocity after 1, 2, … even steps, shape (_TABLE,), else empty
-    left: FloatArray
-    lost: FloatArray  # velocity that a unit deceleration takes in that time, s, shape (_TABLE,)
-
-    @classmethod
-    def of(cls, device: HeldResponse, free: FloatArray) -> Direction:
-        """With tables for even steps, which spare an exponential for each turn."""
-        if isinstance(device.steps, np.ndarray):
-            return cls(device=device, free=free, left=np.empty(0), lost=np.empty(0))
-        left, lost = _decay(device.rate, device.steps * np.arange(1.0, _TABLE + 1))
-        return cls(device=device, free=free, left=left, lost=lost)
-
-    def after(
-        self, age: FloatArray, at: int, begin: int, end: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """``left`` and ``lost`` from sample ``at`` to each of ``begin`` to ``end``; ages in s."""
-        if end - at <= self.left.size:
-            since = slice(begin - at - 1, end - at - 1)
-            return self.left[since], self.lost[since]
-        return _decay(self.device.rate, age[begin:end] - age[at])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -446,7 +423,7 @@ def path(
         late[row] = (late[row] * (change - since) + way * (step - change)) / (step - since)
         return way
 
-    rates = {1.0: forward.device.rate, -1.0: backward.device.rate}
+    rates = {1.0: forward.rate, -1.0: backward.rate}
     while at < count:
         if sign == 0:  # at rest, until the pull exceeds friction
             following = int(np.searchsorted(loose, at))
@@ -477,7 +454,7 @@ def path(
         else:
             sign = stand(turn, used, acting)
         at = turn + 1
-    direction = HeldColumn.turning(early, late, fraction, forward.device.steps)
+    direction = HeldColumn.turning(early, late, fraction, held.steps)
     motion = Motion(direction=direction.times(moving), moving=moving)
     return Path(motion=motion, forward=early > 0, speed=speed, kept=kept)
 
@@ -512,7 +489,7 @@ def _next_turn(way: Direction, speed: FloatArray, age: FloatArray, at: int, resi
     begin, length = at + 1, _LOOK
     while begin <= count:
         end = min(begin + length, count + 1)
-        left, lost = way.after(age, at, begin, end)
+        left, lost = _decay(way.rate, age[begin:end] - age[at])
         trial = way.free[begin:end] + left * excess - resisted * lost
         turned = trial * resisted < 0
         first = int(turned.argmax())

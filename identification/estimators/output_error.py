@@ -342,7 +342,7 @@ class _Turning:
         rest = others(plain, anyway, signals.position, steps, known)
         resisting = HeldColumn.constant(rest, steps)
         driven = [
-            Direction.of(way, way.speed((way.gain(force)[0] - way.gain(resisting)[0]) / mass))
+            Direction(way.rate, way.speed((way.gain(force)[0] - way.gain(resisting)[0]) / mass))
             for way in ways
         ]
         along = path(

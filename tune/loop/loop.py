@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import comb
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -147,6 +148,11 @@ def _common_denominator(velocity: _Estimator, acceleration: _Estimator) -> Law:
         velocity=velocity,
         acceleration=acceleration,
     )
+
+
+@lru_cache(maxsize=64)
+def _law_at(filters: Filters, sample_time: float) -> Law:
+    return _law(filters, np.array(sample_time))
 
 
 def _law(filters: Filters, sample_time: FloatArray) -> Law:
@@ -378,8 +384,11 @@ class Loop:
     def around(cls, sampled: SampledPlant, filters: Filters) -> Loop:
         """The loops of sampled devices with certain filters."""
         T = sampled.sample_time
+        # Devices that are sampled alike share a law.
+        step = float(T.flat[0])
+        law = _law_at(filters, step) if np.all(step == T) else _law(filters, T)
         return replace(
-            _closed(sampled.plant, _law(filters, T), sampled.delta),
+            _closed(sampled.plant, law, sampled.delta),
             scales=(T * T / sampled.mass, T / sampled.mass, 1 / sampled.mass),
             grounded=sampled.grounded,
         )

@@ -440,16 +440,16 @@ def tune_with_filters(
     the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
     """
 
-    def known(problem: Problem) -> list[FloatArray]:
+    def known(problem: Problem) -> tuple[list[FloatArray], Sequence[Scenario]]:
         if before is None or before.optimum is None or before.optimum.sizes is None:
-            return []
+            return [], ()
         sizes, labels = before.optimum.sizes, [u.label for u in before.problem.unknowns]
         if sizes.size < 2 or [u.label for u in problem.unknowns] != labels:
-            return []
+            return [], ()
         # Allowed as far as doubles tell: what is written in the end is not found from here.
         points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
         points = points[passes_cheap_limits(problem, points)]
-        return [*points[stable_in_doubles(problem, points)][:1]]
+        return [*points[stable_in_doubles(problem, points)][:1]], before.optimum.scenarios
 
     try:
         problem, optimum, dropped = optimum_of(
@@ -503,22 +503,22 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     if open_ends.size <= 1:
         return max(_value_alone(task, beside, sizes, open_ends) - found.worth.value, -1.0)
     change = _value(task, beside, sizes) - found.worth.value
-    shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
-    weights = np.array(_weights(task, problem))
-    slack = _slack_change(problem, beside, weights, sizes, shown)
-    if slack is not None:
-        return change + slack
     if optimum.summit is not None and sizes.size == 2 and problem.unknowns[0].yields:
         # A wall: its spring is so many steps below its largest, beside which its damper is.
         spring, summit = problem.unknowns[0], optimum.summit
-        rise = _slack_change(problem, beside, np.array([1.0, 0.0]), summit, [optimum.scenarios])
-        kept = spring.steps(float(summit[0])) - spring.yields
-        if rise is not None and sizes[0] <= spring.size_at(kept) * (1 + _TIED):
-            least = spring.size_at(kept + (kept + spring.yields) * np.expm1(rise))
-            return (
-                _value_alone(task, beside, np.array([float(least), sizes[1]]), np.array([1]))
-                - found.worth.value
-            )
+        most = spring.steps(float(summit[0]))
+        if sizes[0] <= spring.size_at(most - spring.yields) * (1 + _TIED):
+            alone = np.array([1.0, 0.0])
+            rise = _slack_change(problem, beside, alone, summit, [optimum.scenarios])
+            if rise is not None:
+                least = spring.size_at(most * np.exp(rise) - spring.yields)
+                moved_sizes = np.array([float(least), sizes[1]])
+                value = _value_alone(task, beside, moved_sizes, np.array([1]))
+                return value - found.worth.value
+    shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
+    slack = _slack_change(problem, beside, np.array(_weights(task, problem)), sizes, shown)
+    if slack is not None:
+        return change + slack
     # Where one rank came before the next no sum of both is at its largest.
     again = tune_with_filters(task, elements, moved, found).worth
     return again.value - found.worth.value if again.kept == found.worth.kept else change

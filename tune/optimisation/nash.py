@@ -131,19 +131,23 @@ def single_unknown_optimum(problem: Problem) -> Optimum:
 
 
 def largest_product(
-    problem: Problem, backends: Sequence[Backend], known: Sequence[FloatArray] = ()
+    problem: Problem,
+    backends: Sequence[Backend],
+    known: Sequence[FloatArray] = (),
+    shown: Sequence[Scenario] = (),
 ) -> Optimum:
     """The largest product of the steps of all unknowns, rank after rank.
 
     All solvers propose and the best allowed proposal is taken. What is known are sizes that are
-    allowed, to begin with; where there are none, the best of some rays.
+    allowed, to begin with; where there are none, the best of some rays. Corners that are shown to
+    solvers from the beginning save finding out that they are needed.
     """
     if len(problem.unknowns) == 1:
         return single_unknown_optimum(problem)
     starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
-    search, summit = _Search(problem, backends, starts[0]), None
+    search, summit = _Search(problem, backends, starts[0], shown), None
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     levels = sorted({unknown.level for unknown in problem.unknowns})
     for level in levels:
@@ -176,12 +180,18 @@ class _Search:
     most and decides nothing.
     """
 
-    def __init__(self, problem: Problem, backends: Sequence[Backend], start: FloatArray) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        backends: Sequence[Backend],
+        start: FloatArray,
+        shown: Sequence[Scenario],
+    ) -> None:
         self.problem = problem
         self.backends = backends
         self.sizes = start
         self.low = problem.low
-        self.scenarios: list[Scenario] = []
+        self.scenarios = list(shown)
         self.program = program_of(problem, self.scenarios)
         self.methods: list[str] = []
         self.disagreement = 0.0

@@ -231,18 +231,18 @@ class Loops:
     own wishes and motion.
 
     Attributes:
-        present: loops of the corners of the region at every delay the device may have.
-        late: the same with up to the margin's extra delay as well.
+        late: loops of the corners of the region at every delay the device may have, with up to the
+            margin's extra delay on top of it.
         nominal: the device alone at its best estimate and longest delay, for the ripple.
         held: the same in the scene's hand; None without one.
     """
 
     region: Region
     filters: Filters
-    present: tuple[Loop, ...]
     late: tuple[Loop, ...]
     nominal: Loop
     held: Loop | None
+    _each: tuple[DelayedLoops, ...] = field(repr=False)
     _stacks: dict[tuple[str, float], tuple[Loop, ...]] = field(
         default_factory=dict[tuple[str, float], tuple[Loop, ...]], init=False, repr=False
     )
@@ -258,12 +258,20 @@ class Loops:
         return cls(
             region=region,
             filters=filters,
-            present=_side_by_side([one.loop for one in loops if not one.beyond]),
             late=_side_by_side([one.loop for one in loops]),
             nominal=Loop.from_parts(device, filters, extra_delay_samples=later),
             held=region.hand
             and Loop.from_parts(device, filters, region.hand, extra_delay_samples=later),
+            _each=loops,
         )
+
+    @property
+    def present(self) -> tuple[Loop, ...]:
+        """The late loops without the margin's extra delay."""
+        if ("present", 0.0) not in self._stacks:
+            loops = [one.loop for one in self._each if not one.beyond]
+            self._stacks["present", 0.0] = _side_by_side(loops)
+        return self._stacks["present", 0.0]
 
     def ripple(self, effects: Effects, resolution: float) -> FloatArray:
         """Force ripple on the device alone or in the hand, whichever is more, N rms."""

@@ -16,7 +16,7 @@ from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Scene
 from tune.loop.loop import Filters
-from tune.optimisation.backends import Backend, Ipopt, Slsqp
+from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
 from tune.optimisation.describe import bindings
 from tune.optimisation.feasibility import (
     feasible_points,
@@ -252,16 +252,16 @@ def optimum_of(
     settled: Mapping[str, float] = MappingProxyType({}),
     room: float = 0.0,
     second_opinion: bool = True,
-    known: Callable[[Problem], Sequence[FloatArray]] | None = None,
+    known: Callable[[Problem], tuple[Sequence[FloatArray], Sequence[Scenario]]] | None = None,
     gone: Mapping[str, str] | None = None,
     choosing: bool = True,
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
     Beside the choices of `pose`, ``known`` gives sizes of all effects of a problem to begin with,
-    allowed as far as doubles tell, where there are some. What is ``gone`` is left out, with the
-    reason. Where effects that are possible alone are not so together, it is chosen which are kept;
-    without ``choosing`` the optimum has no sizes there.
+    allowed as far as doubles tell, where there are some, and corners that bound them. What is
+    ``gone`` is left out, with the reason. Where effects that are possible alone are not so
+    together, it is chosen which are kept; without ``choosing`` the optimum has no sizes there.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -284,8 +284,8 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    begin: Sequence[FloatArray] = [] if dropped or known is None else known(problem)
-    found = largest_product(problem, solvers, begin)
+    begin = ((), ()) if dropped or known is None else known(problem)
+    found = largest_product(problem, solvers, *begin)
     if found.sizes is not None or not choosing:
         return problem, found, dropped
     every, before = frozenset(own), frozenset(dropped)

@@ -272,14 +272,14 @@ class _Search:
         velocity, acceleration = (filter_of(filters, which) for which in DERIVATIVES)
         self.say(f"trying filters: velocity {velocity}, acceleration {acceleration}")
 
-    def _refined(self, point: list[float], free: Sequence[int]) -> list[float]:
-        """From a point to one that is worth more than all around it."""
+    def _refined(self, point: list[float], free: Sequence[int]) -> None:
+        """Try points from one on to one that is worth more than all around it."""
         kept = self._worth(point).kept
         every = sum(kept) == sum(self.wished.values())
         # Beyond the highest cut-off there is no filter, and nothing has a slope.
         free = [i for i in free if self.axes[i].hertz(point[i]) is not None]
         if not free:
-            return point
+            return
 
         def whole(places: Sequence[float]) -> list[float]:
             chosen = dict(zip(free, places, strict=True))
@@ -298,7 +298,9 @@ class _Search:
         radius = math.log(_COARSE) / 2
         known = max(worth.value for worth in self.tried.values() if worth.kept >= kept)
         found = _maximise(value, slopes, start, ends, radius=radius, gain=_SAME, known=known)
-        return whole(found)
+        # Where a cut-off ends at the highest, none at all may be worth more.
+        highest = [self.axes[i].first[-2:] for i in free]
+        value([none if at >= top else at for at, (top, none) in zip(found, highest, strict=True)])
 
     def _slope(self, point: Sequence[float], index: int) -> float:
         """Slope of the objective by the logarithm of one cut-off."""
@@ -595,14 +597,20 @@ def _maximise(
     low, high = (np.array(side) for side in zip(*ends, strict=True))
     best = np.clip(np.array(start), low, high)
     most = value(best.tolist())
-    planes = [(best, most, np.array(slopes(best.tolist())))]
+    planes, first = [(best, most, np.array(slopes(best.tolist())))], radius
     for _ in range(_MOST):
         near = np.maximum(low, best - radius), np.minimum(high, best + radius)
         seen = [each for each in planes if np.max(np.abs(each[0] - best)) <= _AROUND * radius]
         place, promised = _highest(seen, best, most, near, gain)
         doubled = most + _GROWS * (promised - most)
-        if promised < most + gain or doubled < known + gain or radius < _SMALLEST:
+        if doubled < known + gain or radius < _SMALLEST:
             break
+        if promised < most + gain:
+            if radius <= first:
+                break
+            # Planes from farther away may be those of another branch.
+            radius = first
+            continue
         found = value(place.tolist())
         if np.isfinite(found):
             planes.append((place, found, np.array(slopes(place.tolist()))))

@@ -191,7 +191,7 @@ class _Search:
         self.backends = backends
         self.sizes = start
         self.low = problem.low
-        self.scenarios = list(shown)
+        self.scenarios: list[Scenario] = list(shown)
         self.program = program_of(problem, self.scenarios)
         self.methods: list[str] = []
         self.disagreement = 0.0

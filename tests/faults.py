@@ -147,15 +147,15 @@ FAULTS: tuple[Fault, ...] = (
         "tune/certificate/certify.py",
         f"{_EDGES} -k 'ripple or force or passivity or of_a or wall_alone or delay or own_force'",
         ("ripple", "if not meets_wall(design, moment):", "if not moment:"),
-        ("forces", "found.failures += force_failures(design, moment)", "pass"),
+        ("forces", "failures += force_failures(design, moment)", "pass"),
         (
             "passivity",
-            "found.failures += passivity_failures(design, moment, setting, bare)",
+            "failures += passivity_failures(design, moment, setting, bare)",
             "pass",
         ),
         (
             "what is felt",
-            "found.failures += rendering_failures(design, moment[0], setting)",
+            "failures += rendering_failures(design, moment[0], setting)",
             "pass",
         ),
         ("clamps that may be reached", "if moment in clamped:", "if not moment:"),
@@ -167,7 +167,7 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k level_of_what_fades",
         (
             "a level that is not proved",
-            "            found.failures += error.failures\n            continue\n",
+            "            failures += error.failures\n            continue\n",
             "            pass\n",
         ),
     ),
@@ -292,7 +292,11 @@ FAULTS: tuple[Fault, ...] = (
         ("an absolute gain that is not proved", "if said != seen:", "if said == -1.0:"),
         ("sets that are proved", "if moment not in stated.interior:", "if not moment:"),
         ("sets that there are not", "if moment not in fresh.interior:", "if not moment:"),
-        ("where the worst point is", "            return region.point(", "            pass\n        return region.point("),
+        (
+            "where the worst point is",
+            "            return region.point(",
+            "            pass\n        return region.point(",
+        ),
         (
             "how bad the worst point is",
             "if not np.isclose(seen, stated.pole_radius, rtol=_AGREE, atol=0):",

@@ -404,29 +404,6 @@ def _place_of(moment: _Moment, gain: float, point: Point, radius: float) -> Wors
     )
 
 
-@dataclass(slots=True)
-class _Findings:
-    """What was found so far."""
-
-    failures: list[str]
-    unstable: list[WorstPoint] = field(default_factory=list[WorstPoint])
-    worst: tuple[tuple[str, ...], float, WorstCase] | None = None
-    absolute: dict[str, AbsoluteStability] = field(default_factory=dict[str, AbsoluteStability])
-    points: int = 0
-    cells: int = 0
-
-    def add(self, outcome: _MomentInRegion) -> None:
-        """What became of a moment in a region."""
-        self.failures += outcome.failures
-        self.unstable += outcome.unstable
-        self.points += outcome.points
-        self.cells += outcome.cells
-        if outcome.worst is not None:
-            gain, worst = outcome.worst
-            if self.worst is None or worst.verdict.radius > self.worst[2].verdict.radius:
-                self.worst = outcome.moment, gain, worst
-
-
 def certify(
     design: Design,
     most_cells: int | None = None,
@@ -448,7 +425,8 @@ def certify(
         raise CheckFailedError(
             (f"delays up to {longest:.6g} samples are claimed, at most {_LONGEST_DELAY} judged",)
         )
-    found = _Findings([])
+    failures: list[str] = []
+    absolute: dict[str, AbsoluteStability] = {}
     interior: dict[str, Literal["proved"]] = {}
     clamped = clamped_moments(design)
     played = [
@@ -458,41 +436,48 @@ def certify(
     ]
     most = most_cells or MOST_CELLS
     judged = [_judge_moments(design, played, region, most) for region in regions]
-    for number, (moment, setting) in enumerate(played):
-        found.failures += force_failures(design, moment)
-        outcomes = [each[number] for each in judged]
-        for each in outcomes:
-            found.add(each)
-        if not all(each.proved for each in outcomes):
+    outcomes, cells = list(zip(*judged, strict=True)), 0
+    for (moment, setting), found in zip(played, outcomes, strict=True):
+        failures += force_failures(design, moment)
+        failures += [words for each in found for words in each.failures]
+        if not all(each.proved for each in found):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
         try:
-            found.cells += judge_levels(design, moment, regions, most)
+            cells += judge_levels(design, moment, regions, most)
             if moment in clamped:
-                proved, cells = judge_switched(design, moment, regions, witnesses or {}, most_cells)
-                found.absolute[" + ".join(moment)] = proved
-                found.cells += cells
+                proved, seen = judge_switched(design, moment, regions, witnesses or {}, most_cells)
+                absolute[" + ".join(moment)] = proved
+                cells += seen
         except CheckFailedError as error:
-            found.failures += error.failures
+            failures += error.failures
             continue
         interior[" + ".join(moment)] = "proved"
         if not meets_wall(design, moment):
-            found.failures += ripple_failures(design, moment, setting)
-        found.failures += passivity_failures(design, moment, setting, bare)
+            failures += ripple_failures(design, moment, setting)
+        failures += passivity_failures(design, moment, setting, bare)
         if len(moment) == 1:
-            found.failures += rendering_failures(design, moment[0], setting)
-    if found.failures:
-        raise CheckFailedError(tuple(found.failures), tuple(found.unstable))
-    if found.worst is None:
+            failures += rendering_failures(design, moment[0], setting)
+    every = [each for found in outcomes for each in found]
+    if failures:
+        raise CheckFailedError(tuple(failures), tuple(p for each in every for p in each.unstable))
+    if not every:
         raise CheckFailedError(("the profile plays no effect at all",))
-    return _certificate(design, found, interior)
+    return _certificate(design, every, cells, absolute, interior)
 
 
 def _certificate(
-    design: Design, found: _Findings, interior: dict[str, Literal["proved"]]
+    design: Design,
+    every: Sequence[_MomentInRegion],
+    cells: int,
+    absolute: dict[str, AbsoluteStability],
+    interior: dict[str, Literal["proved"]],
 ) -> Certificate:
-    assert found.worst is not None
-    moment, gain, worst = found.worst
+    """From what became of every moment in every region, and the further cells that were proved."""
+    moment, gain, worst = max(
+        ((each.moment, *each.worst) for each in every if each.worst is not None),
+        key=lambda found: found[2].verdict.radius,
+    )
     regions = regions_of(design)
     region, hand = regions[0], regions[-1].hand
     held = None if design.device.presliding_stiffness is None else regions[1].position_stiffness
@@ -517,10 +502,10 @@ def _certificate(
         hand=hand,
         gain=design.margin.gain,
         extra_delay_samples=float(design.margin.extra_delay_samples),
-        points=found.points,
-        cells=found.cells,
+        points=sum(each.points for each in every),
+        cells=cells + sum(each.cells for each in every),
         interior=interior,
-        absolute_stability=found.absolute or None,
+        absolute_stability=absolute or None,
         worst=_place_of(moment, gain, worst.point, worst.verdict.radius),
         assumes=_assumptions(design),
         not_assessed=_not_assessed(design),

@@ -27,13 +27,14 @@ _HARDLY = 0.05
 def headed_table(
     title: str, headings: Collection[str], *, right: Collection[str] = (), caption: str = ""
 ) -> Table:
-    """An empty table with its columns; what is too wide for one is broken, never cut."""
+    """An empty table with its columns; what is too wide is broken, headings between words."""
     table = Table(
         title=title, title_justify="left", caption=caption, caption_justify="left", box=SIMPLE_HEAD
     )
     for heading in headings:
         side = "right" if heading in right else "left"
-        table.add_column(heading, justify=side, overflow="fold")
+        longest = max(map(len, heading.split()), default=0)
+        table.add_column(heading, justify=side, overflow="fold", min_width=longest)
     return table
 
 
@@ -182,7 +183,7 @@ def candidates_table(
         for each in found
     }
     table = headed_table(
-        f"{place}candidates (* recommended, > chosen): value and steps of each effect",
+        f"{place}candidates: value and steps (* recommended, > chosen)",
         ("effect", *marked.values()),
         right=marked.values(),
     )

@@ -30,6 +30,7 @@ from identification.readers.columns import (
     split_name,
     unit_named,
 )
+from identification.readers.encoding import MARK, as_utf8, refuse_packed, refuse_zeros
 
 if TYPE_CHECKING:
     import polars
@@ -76,31 +77,6 @@ _LARGEST_PLAIN = 8_000_000
 _OTHER = re.compile(rb"[^0-9.eE+\-,;\t\n]")
 #: What lines separated by single spaces do not hold.
 _RUNS = (b"  ", b"\t", b"\n ", b" \n", b" \r")
-#: How packed streams begin; a reader of text would unpack some of them by itself.
-_PACKED = {
-    b"\x1f\x8b": "gzip",
-    b"\x28\xb5\x2f\xfd": "zstd",
-    b"\x78\x01": "zlib",
-    b"\x78\x5e": "zlib",
-    b"\x78\x9c": "zlib",
-    b"\x78\xda": "zlib",
-    b"PK\x03\x04": "zip or spreadsheet",
-    b"\xfd7zXZ\x00": "xz",
-    b"BZh": "bzip2",
-}
-#: The mark that UTF-8 text may begin with; those of text of two or four bytes a letter, the longer
-#: first.
-_MARK = b"\xef\xbb\xbf"
-_WIDE_MARKS = {
-    b"\xff\xfe\x00\x00": "utf-32",
-    b"\x00\x00\xfe\xff": "utf-32",
-    b"\xff\xfe": "utf-16",
-    b"\xfe\xff": "utf-16",
-}
-#: Bytes looked at for text of two bytes a letter without a mark.
-_WIDE_SAMPLE = 1000
-#: Bytes that hold the header, in which letters beyond ASCII stand.
-_HEADER_BYTES = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,9 +110,9 @@ class Table:
 def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
     """Columns by role; empty cells are NaN. Raises InvalidInputError."""
     # Before letters of another encoding are made of the bytes that tell a packed file.
-    _refuse_packed(path, content)
-    content, notes = _as_utf8(path, content)
-    _refuse_zeros(path, content)
+    refuse_packed(path, content)
+    content, notes = as_utf8(path, content)
+    refuse_zeros(path, content)
     table = table_of(path, content, columns)
     reading = read_samples(path, content, table)
     if table.notes or table.header or table.separator == " " or table.decimal == "comma":
@@ -144,75 +120,6 @@ def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
             notes = (*notes, f"{_SEPARATORS[table.separator]} between columns")
         notes = (*notes, *(["decimal commas"] if table.decimal == "comma" else []))
     return replace(reading, notes=(*notes, *reading.notes))
-
-
-def _refuse_packed(path: Path, content: bytes) -> None:
-    """Refuse a packed stream where text is expected."""
-    for beginning, kind in _PACKED.items():
-        if content.startswith(beginning):
-            raise InvalidInputError(
-                path, f"is a packed file ({kind}), not text", "Unpack it, and give what was in it"
-            )
-
-
-def _as_utf8(path: Path, content: bytes) -> tuple[bytes, tuple[str, ...]]:
-    """Text as UTF-8 with line feeds, and what was understood; text that is so is not copied."""
-    encoding = _wide_encoding(content)
-    notes: tuple[str, ...] = ()
-    if encoding:
-        name = encoding[:6].upper()
-        try:
-            # Letters that hold no text are refused as bytes, by what reads the lines.
-            content = content.decode(encoding).encode()
-        except UnicodeDecodeError as error:
-            problem = f"begins as {name} text, and byte {error.start} is none"
-            remedy = "Save it as UTF-8 (CSV UTF-8 in Excel)"
-            raise InvalidInputError(path, problem, remedy) from None
-        notes = (f"{name} text",)
-    elif not _is_utf8(content[:_HEADER_BYTES]):
-        # Degrees and micro are the letters in question, which stand alike in Latin-1.
-        content, notes = content.decode("cp1252", "replace").encode(), ("Windows-1252 text",)
-    if b"\n" not in content and b"\r" in content:
-        return content.replace(b"\r", b"\n"), (*notes, "lines that end in CR")
-    return content, notes
-
-
-def _is_utf8(start: bytes) -> bool:
-    """Whether a beginning is UTF-8, its last letter perhaps cut."""
-    try:
-        start.decode()
-    except UnicodeDecodeError as error:
-        return error.reason == "unexpected end of data"
-    return True
-
-
-def _wide_encoding(content: bytes) -> str:
-    """Name of an encoding of two or four bytes a letter; "" for another."""
-    for mark, name in _WIDE_MARKS.items():
-        if content.startswith(mark):
-            return name
-    start = content[:_WIDE_SAMPLE]
-    pairs = len(start) // 2
-    for side, name in ((1, "utf-16-le"), (0, "utf-16-be")):
-        letters, zeros = start[1 - side : 2 * pairs : 2], start[side : 2 * pairs : 2]
-        if pairs and zeros.count(0) == pairs and letters.count(0) == 0:
-            return name
-    return ""
-
-
-def _refuse_zeros(path: Path, content: bytes) -> None:
-    """Refuse text with NUL bytes, naming the line of the first."""
-    first = content.find(b"\0")
-    if first < 0:
-        return
-    count = content.count(b"\0")
-    line = content.count(b"\n", 0, first) + 1
-    raise InvalidInputError(
-        path,
-        f"holds {count} NUL byte{'' if count == 1 else 's'}, the first in line {line}: it is "
-        "no text, or was cut off while it was written",
-        "Log or export it again" + (f", or keep the lines before line {line}" * (line > 1)),
-    )
 
 
 def table_of(path: Path, content: bytes, columns: LogColumns) -> Table:
@@ -445,7 +352,7 @@ def beginning_of(content: bytes) -> list[str]:
     start = content[:_BEGINNING]
     if len(start) < len(content):
         whole = start[: start.rfind(b"\n") + 1]
-        start = whole if whole.strip(_MARK + b" \t\r\n") else content[: 2 * _LONGEST_HEADER]
+        start = whole if whole.strip(MARK + b" \t\r\n") else content[: 2 * _LONGEST_HEADER]
     lines = start.decode("utf-8-sig", "replace").replace("\0", "").removesuffix("\n").split("\n")
     return [line.rstrip("\r") for line in lines[: _MOST_ABOVE + _MOST_BELOW]]
 
@@ -535,7 +442,7 @@ def read_samples(path: Path, content: bytes, table: Table) -> Reading:
         start = content.find(b"\n", start) + 1 or len(content)
     refuse_long(path, content.count(b"\n", start))
     # Lines above a packed stream do not keep the reader of text from unpacking it.
-    _refuse_packed(path, content[start : start + 10])
+    refuse_packed(path, content[start : start + 10])
     plain = _plain_numbers(content[start:], table) if len(content) <= _LARGEST_PLAIN else None
     if plain is not None:
         return Reading(values=plain, names=table.wanted, notes=table.notes)

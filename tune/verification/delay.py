@@ -24,7 +24,7 @@ from identification import Device, quantity
 from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import DEFAULT_MOTION, Effects, Hand
+from tune.documents.scene import Effects, Hand
 from tune.loop.loop import Filters, Loop, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import companion_roots
@@ -44,8 +44,9 @@ from tune.verification.law import (
 from tune.verification.motion import (
     DECAY_TOLERANCE,
     MeasuredMode,
+    Play,
     Prediction,
-    binding_stiffness,
+    plan_play,
     predict,
 )
 
@@ -398,47 +399,6 @@ _USUAL_HALF = 0.02
 #: Planning looks at whole samples of delay.
 _STEP = 1.0
 
-#: Turning points that make a decay known, and how large a swing must be, part of the displacement.
-_TURNS, _CLEAR = 3, 0.03
-#: Half-cycles after which motion that hardly decays is logged no longer.
-_MOST_SWINGS = 40
-#: Displacements that are tried, in penetrations of the element.
-_DEEPER = (1.0, 2.0, 3.0, 4.0, 6.0)
-#: Time constants until motion without swings is over, and rest that is logged after it, s.
-_SETTLED, _REST = 5.0, 0.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Play:
-    """One log to take.
-
-    Attributes:
-        elements: to play.
-        gain: to play them at.
-        displacement: from which to let go, m (rad); None where a push is needed.
-        speed: of the push, m/s (rad/s); None where a displacement is needed.
-        duration: to log, s.
-    """
-
-    elements: Combination
-    gain: float
-    displacement: float | None
-    speed: float | None
-    duration: float
-
-    def words(self, motion: str) -> str:
-        """An instruction, for a "linear" or "rotary" axis."""
-        length = "mm" if motion == "linear" else "mrad"
-        begin = (
-            f"let go {1e3 * self.displacement:.3g} {length} from rest"
-            if self.displacement is not None
-            else f"pushed to {self.speed:.3g} {'m' if motion == 'linear' else 'rad'}/s"
-        )
-        return (
-            f"play {combination_in_words(self.elements)} at gain {self.gain:g}, {begin}, "
-            f"for {self.duration:.3g} s"
-        )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice:
@@ -517,7 +477,7 @@ def _least_play(
     why, likely = "", None
     for gain, player in product(_GAINS, players):
         try:
-            play, hindered = _plan_play(profile, player, gain)
+            play, hindered = plan_play(profile, player, gain)
             if play is None:
                 why = why or hindered
                 continue
@@ -560,64 +520,3 @@ def _expected(prediction: Prediction) -> MeasuredMode:
         frequency=swings if nominal.frequency else None,
         decay=(nominal.decay - slack, nominal.decay + slack),
     )
-
-
-def _plan_play(profile: Design, combination: Combination, gain: float) -> tuple[Play | None, str]:
-    """(a play of a combination at a gain that shows frequency or decay, why there is none)."""
-    effects = scale_effects(effects_of(profile, combination), gain)
-    prediction = predict(profile.device, profile.loop, effects)
-    if prediction.obstacle is not None:
-        return None, prediction.obstacle
-    motions = [profile.elements[name].motion for name in combination]
-    settled = _SETTLED / prediction.decay[0]
-    displacement = speed = None
-    stiffness = binding_stiffness(profile.device, effects)
-    if not stiffness:
-        speed = max(motion.speed for motion in motions)
-    else:
-        usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
-        deep = max(motion.penetration or usual for motion in motions)
-        displacement = _displacement(profile.device, effects, prediction, deep)
-        if displacement is None:
-            return None, "it comes to rest within a swing or two"
-        if prediction.frequency[0] > 0:
-            held = profile.device.coulomb_friction.low / stiffness
-            left = float(np.exp(-prediction.decay[0] / (2 * prediction.frequency[0])))
-            after = (_amplitude(displacement, left, held, k + 1) for k in range(_MOST_SWINGS))
-            swings = sum(each > held for each in after)
-            settled = min(settled, 0.5 * (swings + 1) / prediction.frequency[0])
-    return Play(
-        elements=combination,
-        gain=gain,
-        displacement=displacement,
-        speed=speed,
-        duration=float(np.ceil(2 * (settled + _REST))) / 2,
-    ), ""
-
-
-def _displacement(
-    device: Device, effects: Effects, prediction: Prediction, deep: float
-) -> float | None:
-    """The least displacement with turning points enough, or with none to expect, m."""
-    virtual = 0.0 if effects.stiffness is None else float(np.asarray(effects.stiffness))
-    most = np.inf
-    if device.force_limit is not None and virtual:
-        most = device.force_limit.continuous / virtual
-    held = device.coulomb_friction.high / binding_stiffness(device, effects)
-    low, high = prediction.frequency
-    for start in (part * deep for part in _DEEPER):
-        if start > most:
-            break
-        if high == 0 and held < _CLEAR * start:
-            return start
-        if low > 0:
-            left = float(np.exp(-prediction.decay[1] / (2 * low)))
-            if _amplitude(start, left, held, _TURNS) > max(held, _CLEAR * start):
-                return start
-    return None
-
-
-def _amplitude(start: float, left: float, held: float, count: int) -> float:
-    """Amplitude after so many half-cycles, from which friction takes twice what it holds, m."""
-    taken = held * (1 + left) / (1 - left)
-    return (start + taken) * left**count - taken

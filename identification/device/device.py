@@ -417,9 +417,9 @@ class Device(Document):
             position_stiffness=self._slopes(factor),
         )
 
-    def widening(self, confidence: float = BOX_CONFIDENCE) -> float:
-        """Factor from half of a 95 % interval to half of the simultaneous box."""
-        count = max(2, sum(not item.exact for item in self._identified()))
+    def widening(self, confidence: float = BOX_CONFIDENCE, *, least: int = 2) -> float:
+        """Factor from half of a 95 % interval to half of the box of so many quantities at least."""
+        count = max(least, sum(not item.exact for item in self._identified()))
         freedom = np.inf
         if self.covariance is not None:
             count = max(count, len(self.covariance.parameters))

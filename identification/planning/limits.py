@@ -378,6 +378,7 @@ _DRIFT = 0.4
 _MOST_DRIFT = 0.7
 _FEWEST = 1.25 * SHORTEST  # samples of the shortest play: its log must be long enough to be read
 _HALVINGS = 12  # bisections of the duration: to a thousandth
+_IDENTIFIED = 4  # quantities of a device that a plan rests on
 
 
 def gentle_spec(spec: ExcitationSpec) -> ExcitationSpec:
@@ -474,7 +475,7 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
             "Level or counterbalance the axis and take off springs, then identify it again",
         )
     box = device.simultaneous_box()
-    factor = device.widening()
+    factor = device.widening(least=_IDENTIFIED)
     friction, offset = device.coulomb_friction, device.force_offset
     frictions = [friction]
     if device.friction_by_direction is not None:

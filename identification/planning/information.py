@@ -15,8 +15,12 @@ Coulomb friction where some is guessed, and the delay where it is not known are 
 same log and take their share of the information.
 
 The merit that designs are brought to is the logarithm of the product of the variances of mass and
-damping without friction: D-optimal but for the correlation of the two. The exact bound has no
-gradient where friction lets the device stick; it compares the forces that the merit found.
+damping: D-optimal but for the correlation of the two. Without friction these are the Cramér-Rao
+variances. With friction they stand in for them, because the exact ones have no gradient where the
+device sticks: each turn of the velocity is known only as well as the velocity is, which acts as an
+unknown kick of 2·Fc/m·δv/|a| (δv error of the velocity, a acceleration at the turn), carried
+through the least-squares fit. So a force is sought that turns the device seldom and quickly, as one
+would by experience.
 """
 
 from __future__ import annotations
@@ -80,9 +84,8 @@ class Response:
         spread = solve_discrete_are(motion.T, reading, np.outer(kick, kick), np.eye(1))
         gain = motion @ spread @ reading / (spread[0, 0] + 1)
         top = np.poly(motion) / (self.noise * np.sqrt(spread[0, 0] + 1))
-        return np.asarray(top, np.float64), np.asarray(
-            np.poly(motion - gain @ reading.T), np.float64
-        )
+        bottom = np.poly(motion - gain @ reading.T)
+        return np.asarray(top, np.float64), np.asarray(bottom, np.float64)
 
     def driven(self, pull: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Position at samples 1 to n, in standard deviations, and its derivative by p."""
@@ -308,6 +311,122 @@ def _smooth_sensitivities(force: FloatArray, guess: Guess, step: float) -> Float
     return np.stack(columns, axis=1)
 
 
+#: Width of the smooth sign of the velocity, as part of the speed scale: a few samples at a turn.
+_SMOOTH = 0.03
+#: Accelerations below this part of the largest count as it: slower turns are not resolved.
+_SLOWEST_TURN = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Friction:
+    """What Coulomb friction does to an estimate."""
+
+    grip: float  # Fc/m, m/s²
+    blur: float  # error of the velocity at a turn, m/s
+    speed: float  # typical peak speed, m/s
+    acceleration: float  # largest acceleration, m/s²
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignCriterion:
+    """The merit of net forces per mass on one grid."""
+
+    response: Response  # of the guessed device
+    #: columns that take their share of the information, orthonormal, shape (n, 3)
+    unknowns: FloatArray
+    friction: Friction | None
+    delay_known: bool  # False if the delay is estimated too
+
+    def __call__(self, pull: FloatArray) -> tuple[float, FloatArray]:
+        """Logarithm of the product of both variances, and its gradient."""
+        response, friction = self.response, self.friction
+        place, slope = response.driven(pull)
+        columns = [-(place + response.rate * slope), slope]
+        turns = _Turns.of(response, friction, pull) if friction is not None else None
+        if turns is not None:
+            columns.append(response.driven(turns.sign)[0])
+        if not self.delay_known:
+            columns.append(response.whitened(response.speed(pull)))
+        table = self._rest(np.stack(columns, axis=1))
+        norms: FloatArray = np.linalg.norm(table, axis=0)
+        unit: FloatArray = table / norms
+        inverse = np.asarray(np.linalg.inv(unit.T @ unit), dtype=np.float64)
+        weights: FloatArray = unit @ inverse  # the estimate is what these make of the noise
+        wanted: FloatArray = weights[:, :2]
+        spread = wanted.copy()
+        variances: FloatArray = np.diag(inverse)[:2].copy()
+        kicked = np.zeros_like(wanted)
+        if turns is not None:
+            none = np.zeros(pull.size)
+            for i in (0, 1):
+                kicked[:, i] = response.returned(self._rest(wanted[:, i]), none) / response.step
+                carried = response.driven(turns.kicks * kicked[:, i])[0] / response.step
+                spread[:, i] += self._rest(carried)
+            variances += turns.kicks @ kicked**2
+        value = float(np.sum(np.log(variances / norms[:2] ** 2)))
+        # Gradient by the columns: P = J·(JᵀJ)⁻¹, dP = (1 - PJᵀ)·dJ·(JᵀJ)⁻¹ - P·dJᵀ·P.
+        change = np.zeros_like(unit)
+        change[:, :2] = 2 * spread / variances
+        by_column = (change - weights @ (unit.T @ change)) @ inverse
+        by_column = self._rest((by_column - weights @ (change.T @ weights)) / norms)
+        by_place, by_slope = -by_column[:, 0], by_column[:, 1] - response.rate * by_column[:, 0]
+        gradient = response.returned(by_place, by_slope)
+        column = 2
+        if turns is not None:
+            none = np.zeros(pull.size)
+            by_sign = response.returned(by_column[:, column], none)
+            gradient = gradient + turns.returned(response, by_sign, kicked**2 @ (1 / variances))
+            column += 1
+        if not self.delay_known:
+            # Whitening is causal like the response: transposed, it runs backwards.
+            weight = response.whitened(by_column[::-1, column])[::-1]
+            gradient = gradient + response.speed_returned(weight)
+        return value, gradient
+
+    def _rest(self, table: FloatArray) -> FloatArray:
+        """What the unknown start and constant force leave of columns."""
+        return table - self.unknowns @ (self.unknowns.T @ table)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Turns:
+    """Smooth sign of the velocity in each interval and what it costs not to know it."""
+
+    sign: FloatArray  # shape (n,)
+    kicks: FloatArray  # variance of the unknown velocity kick in each interval, (m/s)², shape (n,)
+    sign_slope: FloatArray  # derivatives of both by the velocity
+    kicks_slope: FloatArray
+    kicks_bend: FloatArray  # derivative of the kicks by the acceleration
+
+    @classmethod
+    def of(cls, response: Response, friction: Friction, pull: FloatArray) -> _Turns:
+        after = response.speed(pull)
+        before = np.concatenate(([0.0], after[:-1]))
+        speed, acceleration = (after + before) / 2, (after - before) / response.step
+        width = _SMOOTH * friction.speed
+        root = np.hypot(speed, width)
+        slope, bend = width**2 / root**3, -3 * width**2 * speed / root**5
+        quick = np.hypot(acceleration, _SLOWEST_TURN * friction.acceleration)
+        # ∫ slope·|a| dt = 2 over a turn, so each gets (2·Fc/m·δv/a)² in all.
+        size = (2 * friction.grip * friction.blur) ** 2 * response.step / 2
+        return cls(
+            sign=speed / root,
+            kicks=size * slope / quick,
+            sign_slope=slope,
+            kicks_slope=size * bend / quick,
+            kicks_bend=-size * slope * acceleration / quick**3,
+        )
+
+    def returned(self, response: Response, by_sign: FloatArray, by_kicks: FloatArray) -> FloatArray:
+        """Gradient by the pull from those by sign and kicks, shape (n,)."""
+        by_speed = by_sign * self.sign_slope + by_kicks * self.kicks_slope
+        by_acceleration = by_kicks * self.kicks_bend
+        by_after = by_speed / 2 + by_acceleration / response.step
+        by_before = by_speed / 2 - by_acceleration / response.step
+        by_after[:-1] += by_before[1:]
+        return response.speed_returned(by_after)
+
+
 #: Highest frequency, as a multiple of the corner b/m or of where force or speed runs out before
 #: travel does: well above it the device hardly moves.
 _ABOVE = 3.0
@@ -316,6 +435,9 @@ _FEWEST_PERIODS = 8.0
 _FEWEST_SAMPLES = 20.0  # samples of the controller in a period of the highest frequency, at least
 #: Points of the grid in a period of the highest frequency; peaks between them are under 1 %.
 _POINTS = 24.0
+#: The velocity at a turn is as well known as readings over this part of the shortest period tell:
+#: with less care, turns become so slow that output error no longer reaches the bound.
+_WINDOW = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -329,8 +451,7 @@ class DesignGrid:
     #: (mass, response) of the guess, and of the lightest and least damped device, which goes
     #: farthest, if the guesses are ranges
     devices: tuple[tuple[float, Response], ...]
-    #: columns that take their share of the information, orthonormal, shape (count, 3)
-    unknowns: FloatArray
+    merit: DesignCriterion  # of net forces per mass of the guess
 
     @classmethod
     def of(cls, spec: ExcitationSpec) -> DesignGrid:
@@ -362,13 +483,25 @@ class DesignGrid:
         devices = [(mass, device(mass, damping))]
         if not (spec.mass.exact and spec.damping.exact):
             devices.append((spec.mass.low, device(spec.mass.low, spec.damping.low)))
+        friction = None
+        if spec.coulomb_friction.value > 0:
+            window = _WINDOW / highest
+            friction = Friction(
+                grip=spec.coulomb_friction.value / mass,
+                # Standard deviation of the slope of a line through the readings of the window.
+                blur=spec.reading_noise * np.sqrt(12 * spec.sample_time / window**3),
+                speed=speed,
+                acceleration=room / mass,
+            )
+        response = devices[0][1]
+        merit = DesignCriterion(
+            response=response,
+            unknowns=response.unknowns(),
+            friction=friction,
+            delay_known=spec.delay == "known",
+        )
         return cls(
-            spec=spec,
-            highest=highest,
-            step=step,
-            count=count,
-            devices=tuple(devices),
-            unknowns=devices[0][1].unknowns(),
+            spec=spec, highest=highest, step=step, count=count, devices=tuple(devices), merit=merit
         )
 
     @property
@@ -377,39 +510,10 @@ class DesignGrid:
         return (np.arange(self.count, dtype=np.float64) + 0.5) * self.step
 
     def score(self, force: FloatArray) -> tuple[float, FloatArray]:
-        """Merit of a net force (N, shape (count,)) on the guess, and its gradient by the force.
-
-        The logarithm of the product of both variances.
-        """
-        mass, response = self.devices[0]
-        pull, delayed = force / mass, self.spec.delay == "unknown"
-        place, slope = response.driven(pull)
-        columns = [-(place + response.rate * slope), slope]
-        if delayed:
-            columns.append(response.whitened(response.speed(pull)))
-        table = self._rest(np.stack(columns, axis=1))
-        norms: FloatArray = np.linalg.norm(table, axis=0)
-        unit: FloatArray = table / norms
-        inverse = np.asarray(np.linalg.inv(unit.T @ unit), dtype=np.float64)
-        weights: FloatArray = unit @ inverse  # the estimate is what these make of the noise
-        variances: FloatArray = np.diag(inverse)[:2]
-        value = float(np.sum(np.log(variances / norms[:2] ** 2)))
-        # Gradient by the columns: P = J·(JᵀJ)⁻¹, dP = (1 - PJᵀ)·dJ·(JᵀJ)⁻¹ - P·dJᵀ·P.
-        change = np.zeros_like(unit)
-        change[:, :2] = 2 * weights[:, :2] / variances
-        by_column = (change - weights @ (unit.T @ change)) @ inverse
-        by_column = self._rest((by_column - weights @ (change.T @ weights)) / norms)
-        by_place, by_slope = -by_column[:, 0], by_column[:, 1] - response.rate * by_column[:, 0]
-        gradient = response.returned(by_place, by_slope)
-        if delayed:
-            # Whitening is causal like the response: transposed, it runs backwards.
-            weight = response.whitened(by_column[::-1, 2])[::-1]
-            gradient = gradient + response.speed_returned(weight)
+        """Merit of a net force (N, shape (count,)) and its gradient by the force."""
+        mass = self.devices[0][0]
+        value, gradient = self.merit(force / mass)
         return value, gradient / mass
-
-    def _rest(self, table: FloatArray) -> FloatArray:
-        """What the unknown start and constant force leave of columns."""
-        return table - self.unknowns @ (self.unknowns.T @ table)
 
     def loads(self, force: FloatArray) -> FloatArray:
         """Force, then position and speed of each device, as parts of their limits.

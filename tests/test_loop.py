@@ -11,6 +11,7 @@ import pytest
 from flint import arb
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from identification import load_device, quantity
 from tests.general_loops import (
@@ -173,32 +174,46 @@ def test_filters_that_do_not_exist_are_refused(wrong: dict[str, float], words: s
         Filters(**wrong)  # type: ignore[arg-type]
 
 
-def test_arrays_of_devices_are_judged_like_each_of_them() -> None:
+#: Whole delays and parts of a sample, a lag, a hand and a mode.
+KINDS: dict[str, dict[str, object]] = {
+    "whole": {"delay_samples": 1},
+    "part": {"delay_samples": np.linspace(1.1, 1.9, 90)[:, None]},
+    "lag": {"delay_samples": 1.3, "current_lag": 2e-4},
+    "mode": {"delay_samples": 0.4, "modes": (MODE,), "hand": HAND},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_devices_by_effects_are_answered_like_each_alone_to_the_last_digit(kind: str) -> None:
+    """9 000 points are looked at in blocks; some of them alone, device and effects."""
     rng = np.random.default_rng(9)
-    masses, hands = rng.uniform(0.5, 5, 6), 10 ** rng.uniform(1, 3, (4, 1))
-    many = Loop.from_numbers(
-        mass=masses,
-        damping=10.0,
-        sample_time=1e-3,
-        delay_samples=1.4,
-        modes=(MODE,),
-        hand=HandNumbers(mass=0.1, damping=5.0, stiffness=hands),
+    filters = Filters(
+        velocity_filter_hz=50.0, acceleration_filter_hz=30.0, acceleration_filter_order=1
     )
-    limits = largest(many, "stiffness", Effects(damping=5.0))
-    assert limits.shape == (4, 6)
-    for row in (0, 3):
-        for column in (0, 5):
-            single = Loop.from_numbers(
-                mass=masses[column],
-                damping=10.0,
-                sample_time=1e-3,
-                delay_samples=1.4,
-                modes=(MODE,),
-                hand=HandNumbers(mass=0.1, damping=5.0, stiffness=hands[row, 0]),
-            )
-            assert limits[row, column] == pytest.approx(
-                float(largest(single, "stiffness", Effects(damping=5.0))), rel=1e-10
-            )
+    numbers = {"mass": rng.uniform(0.5, 5, (90, 1)), "damping": rng.uniform(1, 20, (90, 1))}
+    numbers |= {"sample_time": 1e-3, **KINDS[kind]}
+    K, B, M = (rng.uniform(0, most, 100) for most in (5e3, 500, 20))
+
+    def answers(numbers: dict[str, object], *effects: ArrayLike) -> list[ArrayLike]:
+        loop = Loop.from_numbers(**numbers, filters=filters)  # type: ignore[arg-type]
+        played = Effects(**dict(zip(EFFECTS, effects, strict=True)))
+        return [
+            verdict(loop, played),
+            *gain_interval(loop, played),
+            safe_gain(loop, played),
+            largest(loop, "mass", played),
+        ]
+
+    many = [np.asarray(each) for each in answers(numbers, K, B, M)]
+    assert {each.shape for each in many} == {(90, 100)}
+    assert 0.1 < np.mean(many[0] > 0) < 0.9
+    for row, column in zip(range(0, 90, 9), range(0, 100, 10), strict=True):
+        one = {
+            name: each[row, 0] if isinstance(each, np.ndarray) else each
+            for name, each in numbers.items()
+        }
+        alone = answers(one, K[column], B[column], M[column])
+        np.testing.assert_array_equal(alone, [each[row, column] for each in many])
 
 
 @settings(max_examples=50)

@@ -288,7 +288,7 @@ def _kept(folder: Path, name: str, inputs: str) -> dict[str, Any] | None:
     profile, record = _paths(folder, name)
     try:
         found = json.loads(record.read_text(encoding="utf-8"))
-        if found["inputs"] != inputs:
+        if found["inputs"] != inputs or found["row"]["exit_code"] == Exit.INTERNAL_ERROR:
             return None
         if found["profile"] != (profile.exists() and _sha(profile.read_bytes())):
             return None

@@ -238,36 +238,57 @@ class Transfer(NamedTuple):
     gamma: FloatArray
 
 
+#: Real and imaginary parts. Their arithmetic gives one number what it gives it among many; that of
+#: complex arrays does not, in the last digit.
+Parts = tuple[FloatArray, FloatArray]
+
+
+def multiplied(a: Parts, b: Parts) -> Parts:
+    """The product of complex numbers."""
+    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
+
+
+def divided(a: Parts, b: Parts) -> Parts:
+    """The quotient of complex numbers."""
+    size = b[0] * b[0] + b[1] * b[1]
+    return (a[0] * b[0] + a[1] * b[1]) / size, (a[1] * b[0] - a[0] * b[1]) / size
+
+
 class Factors(NamedTuple):
     """Plant and estimators as they are built, without any expanded product."""
 
     hold: HoldEquivalent
     law: Law
 
-    def plant(self, v: FloatArray) -> ComplexArray:
+    def plant(self, v: FloatArray) -> Parts:
         """Position over force at w = jv, over T²/m; v is (points, *more, *shape)."""
-        total = np.zeros(v.shape, dtype=np.complex128)
+        total = np.zeros(v.shape), np.zeros(v.shape)
         for numerator, denominator in self.hold.blocks:
-            total += _at(numerator, v) / _at(denominator, v)
-        return total * (1 - 1j * v) ** self.hold.early / (1 + 1j * v) ** self.hold.late
+            real, imaginary = divided(_at(numerator, v), _at(denominator, v))
+            total = total[0] + real, total[1] + imaginary
+        early = np.ones(v.shape), -v
+        late = divided(early, (early[0], v))
+        for factor in (late,) * self.hold.late + (early,) * (self.hold.early - self.hold.late):
+            total = multiplied(total, factor)
+        return total
 
-    def laws(self, v: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def laws(self, v: FloatArray) -> tuple[Parts, Parts, Parts]:
         """Force over position at w = jv of unit α, β and γ, of the shape of v, without the sign."""
         return (
-            np.ones(v.shape, dtype=np.complex128),
+            (np.ones(v.shape), np.zeros(v.shape)),
             _estimate(self.law.velocity, v),
             _estimate(self.law.acceleration, v),
         )
 
 
-def _estimate(estimator: _Estimator, v: FloatArray) -> ComplexArray:
+def _estimate(estimator: _Estimator, v: FloatArray) -> Parts:
     total = _at(estimator.numerator, v)
     for factor in estimator.factors:
-        total = total / _at(factor, v)
+        total = divided(total, _at(factor, v))
     return total
 
 
-def _at(polynomial: Polynomial, v: FloatArray) -> ComplexArray:
+def _at(polynomial: Polynomial, v: FloatArray) -> Parts:
     """Value at w = jv; even and odd powers apart, so that neither rounds the other."""
     square = -v * v
     even = np.zeros(v.shape)
@@ -276,7 +297,7 @@ def _at(polynomial: Polynomial, v: FloatArray) -> ComplexArray:
         even = even * square + row
     for row in polynomial.value[1::2][::-1]:
         odd = odd * square + row
-    return even + 1j * v * odd
+    return even, v * odd
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

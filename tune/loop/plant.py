@@ -176,8 +176,9 @@ def _integral(
     else:
         factor = np.ones_like(v)
     weights = _WEIGHTS.reshape(-1, *(1,) * low.ndim) * span / 2
-    near = np.sum(weights * factor * value, axis=0)
-    near_size = np.sum(weights * np.abs(factor) * size, axis=0)
+    # Added node by node: the order of a sum depends on how many others there are.
+    near = np.add.accumulate(weights * factor * value)[-1]
+    near_size = np.add.accumulate(weights * np.abs(factor) * size)[-1]
     farthest = np.where(motion.real, np.abs(motion.fast), np.hypot(motion.decay, motion.angle))
     stiff = farthest > _NEAR
     if not np.any(stiff):

@@ -201,12 +201,12 @@ def split_fractions(
     )
     with np.errstate(all="ignore"):
         inverse = _inverse(matrix)
-        r = np.einsum("nij,jn->in", inverse, wanted)
-        r += np.einsum("nij,jn->in", inverse, wanted - np.einsum("nij,jn->in", matrix, r))
-        rest = wanted - np.einsum("nij,jn->in", matrix, r)
-        sizes = np.einsum("nij,jn->in", np.abs(matrix), np.abs(r))
+        r = _applied(inverse, wanted)
+        r += _applied(inverse, wanted - _applied(matrix, r))
+        rest = wanted - _applied(matrix, r)
+        sizes = _applied(np.abs(matrix), np.abs(r))
         # A share that is small beside the others has their rounding, as far as it can have it.
-        moved = np.einsum("nij,jn->in", np.abs(inverse), sizes)
+        moved = _applied(np.abs(inverse), sizes)
         every = np.tile(np.abs(r).reshape(count, 2, -1).sum(axis=0), (count, 1))
         size = (np.abs(r) + np.minimum(moved, every)) * _residual(rest, sizes)
     return tuple(
@@ -216,6 +216,14 @@ def split_fractions(
         )
         for k in range(count)
     )
+
+
+def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
+    """Products of matrices, (columns, i, j), with columns, (j, columns).
+
+    Added one after another: the order of a sum depends on how many others there are.
+    """
+    return np.add.accumulate(matrix * columns.T[:, None, :], axis=2)[:, :, -1].T
 
 
 def _residual(rest: FloatArray, sizes: FloatArray) -> FloatArray:
@@ -235,7 +243,7 @@ def _factors(value: FloatArray, zeros: int) -> tuple[FloatArray, FloatArray]:
     for _ in range(_STEPS):
         b, a = values[0::2], values[1::2]
         inverse = _inverse(_jacobian(b, a)[:, zeros:, zeros:])
-        values[free] += np.einsum("nij,jn->in", inverse, (value - _multiplied(b, a))[free])
+        values[free] += _applied(inverse, (value - _multiplied(b, a))[free])
     return values[0::2], values[1::2]
 
 

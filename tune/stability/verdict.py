@@ -11,13 +11,13 @@ changes, and the criterion decides once.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
-from tune.loop.loop import Factors, Loop, Terms
+from tune.loop.loop import Factors, Loop, Parts, Terms, divided, multiplied
 from tune.loop.polynomials import UNIT, companion_roots, pad_coefficients, product, spread
 from tune.stability.criterion import ULPS, VerdictArray, judge_of, routh
 
@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 #: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
-_Ratio = Callable[[FloatArray], ComplexArray]
+_Ratio = Callable[[FloatArray], Parts]
 
 #: Roots x this far off the real axis, relative to their size, are still tried: a touching pair
 #: leaves the axis by the square root of the rounding error. A false one costs one more verdict.
@@ -91,12 +91,12 @@ def _refined(x: FloatArray, s: FloatArray, ratio: _Ratio) -> FloatArray:
         v = start.copy()
         for _ in range(_REFINEMENTS):
             places = np.concatenate([v, v * (1 + _AHEAD), v * (1 - _AHEAD)])
-            here, above, below = np.split(np.imag(ratio(places)), 3)
+            here, above, below = np.split(ratio(places)[1], 3)
             v -= here / (above - below) * (2 * _AHEAD * v)
-        value = ratio(v)
-        good = (np.abs(v - start) <= _NEAR * start) & (np.abs(np.imag(value)) <= _NEAR * np.abs(s))
-        good &= np.abs(np.real(value) - s) <= _NEAR * np.abs(s)
-        return np.where(good, np.real(value), s)
+        real, imaginary = ratio(v)
+        good = (np.abs(v - start) <= _NEAR * start) & (np.abs(imaginary) <= _NEAR * np.abs(s))
+        good &= np.abs(real - s) <= _NEAR * np.abs(s)
+        return np.where(good, real, s)
 
 
 def _in_x(part: FloatArray) -> FloatArray:
@@ -201,10 +201,13 @@ def stable_intervals(
     shape = fixed.shape[1:]
     parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
     sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
-    flat: _Ratio | None = None
-    if ratio is not None:
-        flat = lambda v: ratio(v.reshape(-1, *shape)).reshape(v.shape)  # noqa: E731
-    points = _candidates(parts[0], parts[1], flat)
+
+    def flat(v: FloatArray) -> Parts:
+        assert ratio is not None
+        real, imaginary = ratio(v.reshape(-1, *shape))
+        return real.reshape(v.shape), imaginary.reshape(v.shape)
+
+    points = _candidates(parts[0], parts[1], None if ratio is None else flat)
     low, high = _judged(parts, sizes, points)
     return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
 
@@ -316,7 +319,7 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
         loop.terms.free.shape[1:], *(value.shape for value in given if value is not None)
     )
     if loop.terms.free.ndim > 1 or (loop.degree != 4 and np.prod(shape) < _MANY):
-        return _general(loop, effects, shape)
+        return _answered(_general, loop, effects)[0]
     present: dict[EffectName, FloatArray] = {
         name: np.broadcast_to(value, shape).reshape(-1)
         for name, value in zip(EFFECT_NAMES, given, strict=True)
@@ -334,7 +337,7 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     open_ = np.flatnonzero(result == 0)
     if open_.size:
         rest = Effects(**{name: value[open_] for name, value in present.items()})
-        result[open_] = _general(loop, rest, open_.shape)
+        result[open_] = _general(loop, rest)[0]
     return result.reshape(shape)
 
 
@@ -353,9 +356,12 @@ def gain_interval(loop: Loop, effects: Effects) -> Intervals:
         Ends of the broadcast shape: the loop is stable for every s strictly between. Both nan
         where the effects as given are not certainly stable.
     """
-    intervals = stable_gains(loop, effects)
-    inside = (intervals.low < 1) & (intervals.high > 1)
-    return _pick(intervals, inside)
+
+    def around_one(loop: Loop, effects: Effects) -> Intervals:
+        intervals = stable_gains(loop, effects)
+        return _pick(intervals, (intervals.low < 1) & (intervals.high > 1))
+
+    return Intervals(*_answered(around_one, loop, effects))
 
 
 def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
@@ -364,8 +370,11 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     This, not the end of the interval around 1, is the gain margin of a profile: ramps, fades and
     saturation all lower the gain (docs/theory.md, 4).
     """
-    intervals = stable_gains(loop, effects)
-    return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
+
+    def from_zero(loop: Loop, effects: Effects) -> tuple[FloatArray]:
+        return (_connected_end(stable_gains(loop, effects)),)
+
+    return _answered(from_zero, loop, effects)[0]
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
@@ -421,8 +430,12 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
         K in N/m, B in N·s/m or M in kg, of the broadcast shape; 0 where not even an arbitrarily
         small positive value is stable, inf where there is no limit.
     """
-    intervals = stable_values(loop, name, effects)
-    return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
+
+    def from_zero(loop: Loop, effects: Effects) -> tuple[FloatArray]:
+        return (_connected_end(stable_values(loop, name, effects)),)
+
+    others = {key: getattr(effects, key) for key in EFFECT_NAMES if effects and key != name}
+    return _answered(from_zero, loop, Effects(**others))[0]
 
 
 def stable_values(
@@ -452,25 +465,44 @@ def stable_values(
 def _ratio(loop: Loop, factors: Factors, fixed: Effects, varied: Effects) -> _Ratio:
     """-(1 + G·C)/(G·C') on the axis, C the law of what is fixed and C' of what varies."""
 
-    def ratio(v: FloatArray) -> NDArray[np.complex128]:
+    def ratio(v: FloatArray) -> Parts:
         plant, laws = factors.plant(v), factors.laws(v)
 
-        def law(effects: Effects) -> NDArray[np.complex128]:
-            total = np.zeros(v.shape, dtype=np.complex128)
+        def played(effects: Effects) -> Parts:
+            """What effects make of the position of the plant."""
+            total = np.zeros(v.shape), np.zeros(v.shape)
             for value, part in zip(loop.dimensionless_effects(effects), laws, strict=True):
                 if value is not None:
-                    total += value * part
-            return total
+                    total = total[0] + value * part[0], total[1] + value * part[1]
+            return multiplied(plant, total)
 
-        return -(1 + plant * law(fixed)) / (plant * law(varied))
+        real, imaginary = played(fixed)
+        return divided((-1 - real, -imaginary), played(varied))
 
     return ratio
 
 
-def _general(loop: Loop, effects: Effects, shape: tuple[int, ...]) -> VerdictArray:
+def _general(loop: Loop, effects: Effects) -> tuple[VerdictArray]:
     coefficients, sizes = loop.polynomial(effects)
     start = loop.lowest_power(effects)
-    return np.broadcast_to(routh(coefficients[start:], sizes[start:]), shape)
+    return (routh(coefficients[start:], sizes[start:]),)
+
+
+#: Points beyond which they are looked at in blocks, as `blocks` does.
+_AT_ONCE = 4096
+
+
+def _answered(
+    answer: Callable[[Loop, Effects], tuple[NDArray[Any], ...]], loop: Loop, effects: Effects
+) -> tuple[NDArray[Any], ...]:
+    """What a function answers, in blocks where there are many points."""
+    given = (value.shape for value in effects.arrays() if value is not None)
+    shape = np.broadcast_shapes(loop.terms.free.shape[1:], *given)
+    if np.prod(shape) <= _AT_ONCE:
+        return answer(loop, effects)
+    from tune.stability.blocks import in_blocks
+
+    return in_blocks(answer, loop, effects, shape)
 
 
 def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> FloatArray:
@@ -482,6 +514,11 @@ def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> Fl
 
 def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:
     return np.broadcast_to(spread(coefficients, total.shape[1:]), total.shape)
+
+
+def _connected_end(intervals: Intervals) -> FloatArray:
+    """The end of the interval that begins at zero; 0 where none does."""
+    return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
 
 
 def _pick(intervals: Intervals, wanted: NDArray[np.bool_]) -> Intervals:

@@ -15,6 +15,7 @@ PARTS = (
     "tuning",
     "steps",
     "scene",
+    "scaling",
     "memory",
     "commands",
 )
@@ -26,6 +27,10 @@ a scene does not ask for is not computed.
 _STEPS = """\
 What tuning spends its time on: sizes proposed, described, certified; cut-offs chosen; first
 calls in a new process, imports included.
+"""
+_SCALING = """\
+From one element to hundreds and from one device to many: time of one processor, for fleets by
+the clock, and the power of their number that it grows with.
 """
 _MEMORY = """\
 Logs of a million rows read, and the most memory beyond what Python and the libraries take;
@@ -52,7 +57,7 @@ def measured(part: str) -> Section:
     """Measure one part."""
     if part == "tuning":
         return _tuning()
-    if part in {"steps", "scene", "memory"}:
+    if part in {"steps", "scene", "scaling", "memory"}:
         return _rows(part)
     return import_module(f"benchmarks.{part}_section").measure()
 
@@ -90,6 +95,12 @@ def _rows(part: str) -> Section:
 
         return Section(
             name=part, title="Scenes: what each part costs", text=_SCENE, rows=tuple(rows())
+        )
+    if part == "scaling":
+        from benchmarks.scaling_rows import rows
+
+        return Section(
+            name=part, title="Scaling: many elements and devices", text=_SCALING, rows=tuple(rows())
         )
     from benchmarks import reading_rows, speed_rows
 

@@ -249,7 +249,7 @@ def _calibrated(job: _Job) -> tuple[dict[str, Any], str | None]:
 
     code, sentence, profile = attempted(tuned)
     entry = job.entry
-    findings = dict.fromkeys(each["code"] for each in session.findings)
+    findings = dict.fromkeys(each.code for each in session.findings)
     head = {"name": entry.name, "serial": entry.serial, "axis": entry.axis, "motion": None}
     head |= {"exit_code": int(code), "sentence": sentence, "digest": None}
     row = head | row | {"findings": ", ".join(findings)}

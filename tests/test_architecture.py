@@ -25,7 +25,7 @@ class Plan:
 
     rooms: int
     floors: int
-    lines: int = 600
+    lines: int = 660
 
 
 PLANS = {

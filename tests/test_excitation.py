@@ -283,7 +283,7 @@ def test_families_are_compared_and_the_best_is_played() -> None:
 
 
 def test_the_same_limits_give_the_same_force() -> None:
-    once, again = (plan_excitation(spec(duration=1.0)) for _ in range(2))
+    once, again = (plan_excitation(spec(duration=1.2)) for _ in range(2))
     assert force_text(again) == force_text(once)
 
 

@@ -78,7 +78,7 @@ def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:
     content = to_mapping(profile)
     assert check_content(content, "profile.yaml").certificate.interior == {"wall": "proved"}
     for key, value, said in (
-        ("position_stiffness", [400.0, 600.0], "certificate.position_stiffness is not what"),
+        ("position_stiffness", [400.0, 600.0], "certificate.position_stiffness says"),
         ("worst", content["certificate"]["worst"] | {"position_stiffness": 300.0}, "not a point"),
     ):
         other = content | {"certificate": content["certificate"] | {key: value}}

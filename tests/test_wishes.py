@@ -37,7 +37,7 @@ def test_a_mass_that_is_felt_as_damping_is_refused_for_that_and_told_as_what(
 ) -> None:
     """Two low-pass poles turn a part of it into damping, at 5 Hz half of the device's own."""
     with pytest.raises(NoFeasibleEffectError) as caught:
-        _tuned({"it": {"mass": wanted}}, loop={"acceleration_filter": "low-pass"})
+        _tuned({"it": {"mass": wanted}})
     told = str(caught.value)
     assert "limited by rendering" in told
     found = re.search(r"with (\S+) kg a hand would feel .* and \S+ to (\S+) N·s/m of damp", told)

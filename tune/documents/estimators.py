@@ -22,7 +22,7 @@ DERIVATIVES: tuple[Derivative, ...] = ("velocity", "acceleration")
 DIFFERENCES: dict[Derivative, int] = {"velocity": 1, "acceleration": 2}
 #: What the names of kind, cut-off and order end in.
 _ENDS = "", "_hz", "_order"
-#: Kinds, with poles or states, of which one is chosen where none is stated, the usual first; those
+#: Kinds, with poles or states, of which one is chosen where they are free, the usual first; those
 #: of both filters that go together stand at one place.
 KINDS: dict[Derivative, tuple[tuple[FilterKind, int], ...]] = {
     "velocity": (("low-pass", 1), ("low-pass", 2), ("tracking", 3)),

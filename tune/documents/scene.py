@@ -468,8 +468,8 @@ Cutoff = Annotated[
 class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
-    Of a free cut-off kind, order and damping ratio are chosen with it where they are not stated;
-    of a stated one it is a low-pass.
+    It is a low-pass where no kind is stated. Where the kind is ``free`` too, kind and order are
+    chosen with the cut-off, and the damping ratio unless it is stated.
 
     Attributes:
         velocity_filter: kind of the filter behind the backward difference.
@@ -484,8 +484,8 @@ class LoopFreedom(Document):
 
     velocity_filter_hz: Cutoff = "free"
     acceleration_filter_hz: Cutoff = "free"
-    velocity_filter: FilterKind | None = None
-    acceleration_filter: FilterKind | None = None
+    velocity_filter: FilterKind | Literal["free"] | None = None
+    acceleration_filter: FilterKind | Literal["free"] | None = None
     velocity_filter_order: int | None = Field(default=None, ge=1, le=3)
     acceleration_filter_order: int | None = Field(default=None, ge=1, le=4)
     filter_damping_ratio: float | None = Field(default=None, ge=0.1, le=1)
@@ -494,9 +494,9 @@ class LoopFreedom(Document):
     @field_validator("velocity_filter", "acceleration_filter", mode="before")
     @classmethod
     def _kind(cls, raw: object, info: ValidationInfo) -> object:
-        if raw is None or raw in ("low-pass", "tracking"):
+        if raw is None or raw in ("low-pass", "tracking", "free"):
             return raw
-        raise ValueError(f"give low-pass or tracking; did you mean {info.field_name}_hz?")
+        raise ValueError(f"give low-pass, tracking or free; did you mean {info.field_name}_hz?")
 
     @model_validator(mode="after")
     def _positive(self) -> LoopFreedom:
@@ -506,6 +506,14 @@ class LoopFreedom(Document):
             if isinstance(value, float) and not SMALLEST <= value <= LARGEST:
                 raise ValueError(
                     f"{name} must lie in {SMALLEST:g} to {LARGEST:g}, not {value:g} Hz"
+                )
+            order = getattr(self, f"{which}_filter_order")
+            if getattr(self, f"{which}_filter") == "free" and (
+                value != "free" or order is not None
+            ):
+                raise ValueError(
+                    f"{which}_filter: free needs {name}: free and no {which}_filter_order, not "
+                    f"{value} and {order}"
                 )
             if wrong := strange_order(which, *self.kind(which)):
                 raise ValueError(wrong)
@@ -523,29 +531,21 @@ class LoopFreedom(Document):
 
     def kind(self, which: Derivative) -> tuple[FilterKind, int]:
         """Kind and order of a filter as they are stated, or what stands for them."""
-        kind, order = getattr(self, f"{which}_filter"), getattr(self, f"{which}_filter_order")
-        usual = DIFFERENCES[which] + (2 if kind == "tracking" else 0)
-        return kind or "low-pass", usual if order is None else order
+        tracks = getattr(self, f"{which}_filter") == "tracking"
+        order = getattr(self, f"{which}_filter_order") or DIFFERENCES[which] + 2 * tracks
+        return "tracking" if tracks else "low-pass", order
 
     def kinds(self, which: Derivative) -> tuple[tuple[FilterKind, int], ...]:
-        """Kinds and orders to choose from, as many as there are where nothing is stated.
-
-        The one that is stated, or of a stated cut-off, as often.
-        """
-        names = f"{which}_filter", f"{which}_filter_order"
-        stated = any(getattr(self, name) is not None for name in names)
-        free = getattr(self, f"{which}_filter_hz") == "free" and not stated
+        """Kinds and orders to choose from where they are free, else the stated one as often."""
+        free = getattr(self, f"{which}_filter") == "free"
         return KINDS[which] if free else (self.kind(which),) * len(KINDS[which])
 
     def ratios(self) -> tuple[float, ...]:
-        """Damping ratios to choose from: one where it, or a filter that it acts on, is stated."""
+        """Damping ratios to choose from: one where it is stated or no kind is free."""
         if self.filter_damping_ratio is not None:
             return (self.filter_damping_ratio,)
-        open_ = all(
-            self.kinds(each) == KINDS[each] or getattr(self, f"{each}_filter_hz") == "none"
-            for each in DERIVATIVES
-        )
-        return RATIOS if open_ else RATIOS[:1]
+        free = any(getattr(self, f"{each}_filter") == "free" for each in DERIVATIVES)
+        return RATIOS if free else RATIOS[:1]
 
 
 class Scene(Document):

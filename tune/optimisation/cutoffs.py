@@ -70,7 +70,7 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
 
     Free cut-offs are looked for coarsely, for all elements together, one after the other in both
     orders, then together by cutting planes, on a logarithmic scale above which there is no filter.
-    Where no kind is stated, that is done of all kinds. A filter is only there for an effect that
+    Where kinds are free, that is done of all of them. A filter is only there for an effect that
     uses it: without a damper no velocity filter, without a virtual mass no acceleration filter.
     """
     scene, loop = task.scene, task.scene.loop

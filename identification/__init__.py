@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from identification.planning import Excitation, force_text, plan_excitation
     from identification.planning.limits import ExcitationSpec, load_excitation
     from identification.plant import Plant
-    from identification.readers import LogColumns, load_trajectory
+    from identification.readers import LOG_ENDINGS, LogColumns, load_trajectory
     from identification.trajectory import Motion, Trajectory
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
@@ -94,7 +94,7 @@ _HOMES = {
     "planning": "Excitation force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
     "plant": "Plant",
-    "readers": "LogColumns load_trajectory",
+    "readers": "LOG_ENDINGS LogColumns load_trajectory",
     "trajectory": "Motion Trajectory",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
@@ -117,7 +117,7 @@ __all__ += ["identified_picture", "legend_above", "log_picture"]
 __all__ += ["Excitation", "force_text", "plan_excitation"]
 __all__ += ["ExcitationSpec", "load_excitation"]
 __all__ += ["Plant"]
-__all__ += ["LogColumns", "load_trajectory"]
+__all__ += ["LOG_ENDINGS", "LogColumns", "load_trajectory"]
 __all__ += ["Motion", "Trajectory"]
 
 

@@ -22,7 +22,8 @@ class Finding:
 
     ``code`` is one of `identification.findings.CODES`; ``seen`` and ``needed`` state the value
     found and the value required, with units; ``remedy`` says what to do; ``source`` is the log,
-    several with commas.
+    several with commas; ``at`` are the first and last time, s, of each stretch of the log in which
+    it occurs, none where it is of the log as a whole.
     """
 
     code: str
@@ -31,6 +32,7 @@ class Finding:
     needed: str
     remedy: str
     source: str = ""
+    at: tuple[tuple[float, float], ...] = ()
 
     def of(self, source: str) -> Finding:
         """This finding about a log, whose name it keeps if it has one."""

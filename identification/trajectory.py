@@ -49,6 +49,8 @@ _LONGEST = 1 << 17
 _answers: dict[tuple[object, ...], object] = {}
 #: Noise this many times the rounding of a count hides the count.
 _HIDDEN = 2.0
+#: Stretches of a log that a finding names at most.
+_MOST_SPANS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,6 +135,12 @@ class Trajectory:
         """Consecutive rows as a log of their own."""
         columns = {name: column[rows] for name, column in self.columns()}
         return replace(self, **columns)
+
+    def spans(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
+        """First and last time, s, of each run of chosen rows, shape (n,); a hundred at most."""
+        edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)
+        ends = self.time[edges[:_MOST_SPANS] - (0, 1)]
+        return tuple((float(first), float(last)) for first, last in ends)
 
     def __len__(self) -> int:
         return self.time.size

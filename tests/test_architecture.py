@@ -30,7 +30,7 @@ class Plan:
 
 PLANS = {
     "identification": Plan(rooms=12, floors=6),
-    "tune": Plan(rooms=14, floors=7),
+    "tune": Plan(rooms=15, floors=8),
     "datasets_synthetic": Plan(rooms=8, floors=6),
 }
 

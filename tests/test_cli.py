@@ -35,6 +35,7 @@ COMMANDS = {
     "export": "--to --output --node --dry-run --json --quiet --verbose",
     "report": "--output --what-if --time --time-gain --force --position --reference --force-gain "
     "--position-gain --axis --decimal --json --quiet --verbose",
+    "open": "--port --no-browser --json --quiet --verbose",
     "excite": "--output --picture --dry-run --json --quiet --verbose",
     "simulate": "--output --seed --json --quiet --verbose",
 }

@@ -123,10 +123,11 @@ def _full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_finding_carries_what_was_seen_what_is_needed_and_what_to_do() -> None:
     findings = haptune("identify", "constant.csv", "--json").result["findings"]
     assert [set(finding) for finding in findings] == [
-        {"code", "severity", "source", "seen", "needed", "remedy"}
+        {"code", "severity", "source", "seen", "needed", "remedy", "at"}
     ]
     assert findings[0]["code"] == "constant-column"
     assert findings[0]["severity"] == "refusal"
+    assert findings[0].pop("at") == []
     assert all(findings[0].values())
 
 

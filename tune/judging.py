@@ -52,7 +52,6 @@ from tune.documents.scene import (
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
 from tune.optimisation import SLACK, design_of
-from tune.optimisation.describe import SizedMoment, extra_delays
 from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
 from tune.optimisation.problem import DesignTask, Problem, pose
@@ -147,7 +146,7 @@ class Audit(Tabular):
     @property
     def safe(self) -> bool:
         """True when nothing was found and the independent check agrees."""
-        return not self.faults
+        return not self.faults and self.certificate is not None
 
 
 def audit(
@@ -157,6 +156,7 @@ def audit(
     filters: Filters | None = None,
     margin: MarginName = "balanced",
     extra_delay_samples: float = 0.0,
+    proved: bool = True,
 ) -> Audit:
     """Judge K, B and M as one element of a scene, met alone, no hand.
 
@@ -169,6 +169,8 @@ def audit(
         filters: of the controller; None is plain backward differences.
         margin: what is asked for.
         extra_delay_samples: on top of the device's delay, from now on part of it.
+        proved: False leaves out certificate and nearest safe values, which take most of the time;
+            nothing is safe then.
 
     Raises:
         UnstatedError: motion, sample time or delay that a person has to state.
@@ -188,13 +190,14 @@ def audit(
     stable = gain > 1
     solved = Solution(problem=problem, sizes=sizes, dropped={})
     design = as_stored(design_of(task, filters, [solved], {}))
+    late = design.elements[ELEMENT].margins.extra_delay_samples
     noise = ripple(problem, combination, sizes) if stable else None
     refusal = refusal_of(device)
     faults = tuple(_faults_of(problem, sizes, gain, noise))
     if refusal is not None:
         faults = (Fault(limit="device", **asdict(refusal)), *faults)
     certificate = None
-    if not faults:
+    if proved and not faults:
         try:
             design, certificate = _certified(task, filters, solved)
         except CheckFailedError as error:
@@ -203,12 +206,12 @@ def audit(
     wall = design.elements[ELEMENT].model_copy(update={"one_sided": True})
     extra = problem.margin.extra_delay_samples
     sustained, peak = (float(force) for force in forces(combination, sizes))
-    total, one = problem.effects(combination, sizes), SizedMoment(problem, combination, sizes)
+    total = problem.effects(combination, sizes)
     used, count = used_filters(filters, total), device.encoder_resolution
     return Audit(
         design=design,
         gain=gain,
-        delay_samples=extra_delays([one])[0] if stable else np.nan,
+        delay_samples=late if stable else np.nan,
         margins=margins_of(Loop.from_parts(device, used), total) if stable else None,
         passivity=passivity(device, total, used),
         sustained=sustained,
@@ -219,7 +222,7 @@ def audit(
         if count is None
         else count_jump(total, device.sample_time.value, count.value, filters),
         faults=faults,
-        nearest=_nearest(task, filters) if faults and refusal is None else None,
+        nearest=_nearest(task, filters) if proved and faults and refusal is None else None,
         certificate=certificate,
     )
 

@@ -132,33 +132,47 @@ def impedances(
     return Impedances(stiffness=force, damping=velocity * force, mass=acceleration * force)
 
 
-def rendered_mass_and_damping(
-    device: Device, filters: Filters, *, stiffness: float, damping: float, mass: float
-) -> Rendered:
-    """The apparent mass and damping that an element adds to the device."""
-    shares = Shares.of(device, filters)
+def felt_over_frequency(
+    device: Device,
+    filters: Filters,
+    frequency: FloatArray,
+    *,
+    stiffness: float,
+    damping: float,
+    mass: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Apparent mass, kg, and damping, N·s/m, that an element adds, at frequencies in Hz.
 
+    Of the shape of the frequencies; rotary units alike. Its spring is no part of the mass.
+    """
     lag = device.current_lag
     told = impedances(
         filters,
-        _TOLD,
+        frequency,
         sample_time=device.sample_time.value,
         delay=device.delay.value,
         current_lag=0.0 if lag is None else lag.value,
     )
     moving = damping * told.damping + mass * told.mass
+    return moving.imag / (2 * np.pi * frequency), (moving + stiffness * told.stiffness).real
+
+
+def rendered_mass_and_damping(
+    device: Device, filters: Filters, *, stiffness: float, damping: float, mass: float
+) -> Rendered:
+    """The apparent mass and damping that an element adds to the device."""
+    shares = Shares.of(device, filters)
+    felt = felt_over_frequency(
+        device, filters, _TOLD, stiffness=stiffness, damping=damping, mass=mass
+    )
     means = {
         "mass": mass * shares.mass.mean + damping * shares.mass_of_damping.mean,
         "damping": damping * shares.damping.mean
         + mass * shares.damping_of_mass.mean
         + stiffness * shares.damping_of_stiffness.mean,
     }
-    felt = {
-        "mass": moving.imag / (2 * np.pi * _TOLD),
-        "damping": (moving + stiffness * told.stiffness).real,
-    }
     found: dict[str, Any] = {}
-    for name, values in felt.items():
+    for name, values in zip(("mass", "damping"), felt, strict=True):
         motion, beyond = np.split(values, [_MOTIONS.size])
         pairs = {
             "at_ends": (motion[0], motion[-1]),

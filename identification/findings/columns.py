@@ -90,6 +90,7 @@ def _lost(trajectory: Trajectory, steps: FloatArray, long: NDArray[np.bool_]) ->
         if refused
         else f"no step above {LOST * median * 1e3:.4g} ms",
         remedy="Log with a real-time thread, or cut the log to a part without gaps.",
+        at=trajectory.spans(np.append(long, False) | np.append(False, long)),
     )
 
 
@@ -380,9 +381,10 @@ def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
 
     A counter that starts anew jumps by its range; a reading that is lost goes there and back.
     """
-    jumps = _jumps(trajectory)
-    if jumps.size == 0:
+    far = _jumps(trajectory)
+    if not far.any():
         return
+    jumps = np.diff(trajectory.position)[far]
     size = float(np.median(np.abs(jumps)))
     turn = trajectory.motion == "rotary" and abs(size / (2 * np.pi) - 1) < _A_TURN
     yield Finding(
@@ -394,11 +396,12 @@ def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
         needed=f"steps of at most {_FASTEST:g} times the others, as mass allows",
         remedy="Where a counter starts anew, add or subtract its range after each jump "
         f"(numpy.unwrap with period={size:.6g}); where a reading is lost, log it again.",
+        at=trajectory.spans(np.append(far, False) | np.append(False, far)),
     )
 
 
-def _jumps(trajectory: Trajectory) -> FloatArray:
-    """Steps of position that are the range of a counter, with their signs."""
+def _jumps(trajectory: Trajectory) -> NDArray[np.bool_]:
+    """Which steps of position are the range of a counter."""
     steps = np.diff(trajectory.position)
     # What happens during a gap is unknown, but not a jump.
     gapless = np.diff(trajectory.time) <= LOST * trajectory.sample_time
@@ -409,10 +412,10 @@ def _jumps(trajectory: Trajectory) -> FloatArray:
     usual = float(size[~far].max(initial=0.0))
     travel = float(np.ptp(trajectory.position))
     if usual == 0 or largest < _FASTEST * usual or largest < _LEAST_JUMP * travel:
-        return np.empty(0)
+        return np.zeros_like(far)
     if np.ptp(size[far]) > _ALIKE * largest + 2 * usual:
-        return np.empty(0)
-    return steps[far]
+        return np.zeros_like(far)
+    return far
 
 
 #: Force counts as at its limit within this part of it (printed digits, one count of a converter).
@@ -440,9 +443,11 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Fi
             remedy="Give N (N·m) per unit of the force column with --force-gain if it is in "
             "volts, amperes or another unit; only if it is in N (N·m), excite more gently. The "
             "limit is that of the data sheet.",
+            at=trajectory.spans(size > limit * (1 + _AT_LIMIT)),
         )
     reached = limit is not None and peak >= limit * (1 - _AT_LIMIT)
-    share = _share_in_runs(trajectory.force, peak * (1 - _AT_LIMIT), switched=not reached)
+    runs = _runs_at(trajectory.force, peak * (1 - _AT_LIMIT), switched=not reached)
+    share = float(np.mean(runs))
     levels = np.unique(np.round(size / peak / _AT_LIMIT)).size
     if share > _TOLERATED and levels > _SWITCHING_LEVELS:
         yield Finding(
@@ -452,11 +457,12 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Fi
             f"for {_RUN} samples or more",
             needed=f"at most {_TOLERATED:.0%}",
             remedy="Excite more gently, so that the actuator gives what the log says.",
+            at=trajectory.spans(runs),
         )
 
 
-def _share_in_runs(force: FloatArray, limit: float, *, switched: bool) -> float:
-    """Part of all samples in runs of at least _RUN at the limit, without smooth tops.
+def _runs_at(force: FloatArray, limit: float, *, switched: bool) -> NDArray[np.bool_]:
+    """Which samples are in runs of at least _RUN at the limit, without smooth tops.
 
     Plateaus that begin or end by a jump are left out as well if they may be ``switched``.
     """
@@ -466,9 +472,10 @@ def _share_in_runs(force: FloatArray, limit: float, *, switched: bool) -> float:
     jumps = np.abs(np.diff(force, prepend=0.0, append=0.0)) >= _SWITCHED * limit
     meant = switched & (jumps[starts] | jumps[ends])
     long = (ends - starts >= _RUN) & ~meant
-    runs = zip(starts[long].tolist(), ends[long].tolist(), strict=True)
-    flat = [end - start for start, end in runs if not _smooth_top(size[start:end])]
-    return sum(flat) / size.size
+    flat = np.zeros(size.size, dtype=np.bool_)
+    for start, end in zip(starts[long].tolist(), ends[long].tolist(), strict=True):
+        flat[start:end] = not _smooth_top(size[start:end])
+    return flat
 
 
 def _smooth_top(part: FloatArray) -> bool:
@@ -511,6 +518,7 @@ def stiction(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Find
         needed=f"at most {_REFUSED_REST if refused else _DOUBTED_REST:.0%} of the time",
         remedy="Push harder than friction holds, for longer in each direction; look for a "
         "brake, an end stop or a dry bearing.",
+        at=trajectory.spans(np.append(stuck, False) | np.append(False, stuck)),
     )
 
 

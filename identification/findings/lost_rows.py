@@ -75,6 +75,7 @@ def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
         needed="no row lost" if found.usable else f"at most {_HARMLESS:.1%}",
         remedy="Log the controller's own time or its counter of samples with each row, and give "
         "it as time.",
+        at=((found.first, found.first),),
     )
 
 

@@ -40,7 +40,7 @@ from identification.errors import (
 from identification.readers.columns import FloatArray, LogColumns, Reading, conversion_of, quote
 from identification.trajectory import Motion, Trajectory, refuse_sizes
 
-__all__ = ["LogColumns", "load_trajectory"]
+__all__ = ["LOG_ENDINGS", "LogColumns", "load_trajectory"]
 
 #: Module and function by the ending of the file's name.
 _READERS = {
@@ -57,6 +57,8 @@ _READERS = {
     ".xlsx": "binary.read_excel",
     ".mcap": "binary.read_mcap",
 }
+#: What the name of a log may end in.
+LOG_ENDINGS = tuple(_READERS)
 #: Those read by foreign parsers, which a damaged file may bring down.
 _ISOLATED = frozenset({".parquet", ".mat", ".xlsx", ".mcap"})
 #: Endings of logs that are not read, and how to make one of them that is.

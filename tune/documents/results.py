@@ -250,7 +250,10 @@ class SimulateDetails(Details, total=False):
 
 
 class FindingResult(TypedDict):
-    """What is wrong, or doubtful, with the log, or the ``element.effect``, ``source``."""
+    """What is wrong, or doubtful, with the log, or the ``element.effect``, ``source``.
+
+    ``at`` are the stretches of a log, s, in which it occurs; none where it is of the whole.
+    """
 
     code: str
     severity: Literal["warning", "refusal"]
@@ -258,6 +261,7 @@ class FindingResult(TypedDict):
     seen: str
     needed: str
     remedy: str
+    at: list[tuple[float, float]]
 
 
 class Result(TypedDict):
@@ -301,6 +305,7 @@ DETAILS: dict[str, type] = {
     "compare": CompareDetails,
     "export": ExportDetails,
     "report": CalibrateDetails,
+    "open": Details,
     "excite": ExciteDetails,
     "simulate": SimulateDetails,
 }

@@ -101,6 +101,12 @@ class Boundaries:
                 found.append(float(np.min(np.max(np.where(inside, high, 0.0), axis=0))) / gain)
         return max(min(found), damping)
 
+    def ends(self, damping: tuple[float, float], mass: float) -> tuple[float, float]:
+        """Dampings, N·s/m, between which a slice shows its region and both of these."""
+        # From the least that is stable, or zero, to the largest with the whole margin.
+        most = self.damping_with_margin(0.0, damping[1], mass)
+        return _BEYOND * damping[0], _BEYOND * max(most, damping[1], 0.1 * self.damping)
+
     def _gains(self) -> tuple[float, ...]:
         return tuple(part * self.gain for part in _PARTS)
 
@@ -136,11 +142,8 @@ def draw_region(
 
     Damping from the least to the largest, N·s/m, and stiffness, N/m, have to be seen.
     """
-    # From the least that is stable, or zero, to the largest with the whole margin.
-    most = boundaries.damping_with_margin(0.0, damping[1], mass)
-    least = _BEYOND * damping[0]
-    most = _BEYOND * max(most, damping[1], 0.1 * boundaries.damping)
-    grid = _spread(least, most, _PLACES)
+    least, most = boundaries.ends(damping, mass)
+    grid = spread(least, most, _PLACES)
     best = boundaries.at_best(grid, mass)
     worst = boundaries.at_worst(grid, mass)
     safe = boundaries.with_margin(grid, mass)
@@ -185,8 +188,8 @@ def set_small_title(axes: Axes, words: str, pad: float = 4) -> None:
     axes.set_title(words, fontsize=8, loc="left", pad=pad)
 
 
-def _spread(least: float, most: float, count: int) -> FloatArray:
-    """Places that are even on axes that grow as the square root."""
+def spread(least: float, most: float, count: int) -> FloatArray:
+    """Places, shape (count,), that are even on axes that grow as the square root."""
     low, high = _root(np.array([least, most]))
     return _square(np.linspace(float(low), float(high), count))
 

@@ -50,17 +50,17 @@ def report_html(
             "facts": list(_facts(safe, written)),
             "verdict": verdict_on(safe),
             "used": effect_uses(safe),
-            "effects": _table(effects_table(safe, everything=True)),
+            "effects": plain_table(effects_table(safe, everything=True)),
             "notes": safe.notes,
             "limits": _limits(safe),
             "pictures": list(_pictures(safe)),
-            "device": _table(device_table(safe.device)),
+            "device": plain_table(device_table(safe.device)),
             "log_pictures": [] if found is None else [_fit(safe, found)],
             "findings": () if found is None else found.findings,
             "log_lines": list(_log_lines(safe, found)),
             "trusted": list(_trusted(safe)),
             "record": _record(safe),
-            "alternatives": alternatives and _table(alternatives_table(alternatives)),
+            "alternatives": alternatives and plain_table(alternatives_table(alternatives)),
             "day": written,
         },
         running=_css_text(f"{'serial ' + _stated(safe.device.serial)}, {safe.digest}"),
@@ -71,7 +71,7 @@ def summary_html(
     title: str, verdicts: Sequence[str], tables: Sequence[Table], figure: Figure, words: str
 ) -> str:
     """A page of verdicts, the tables behind them, and one picture with what it shows in words."""
-    page = {"title": title, "tables": map(_table, tables), "picture": _picture(words, figure)}
+    page = {"title": title, "tables": map(plain_table, tables), "picture": _picture(words, figure)}
     return _rendered("summary.html", page=page, verdicts=verdicts)
 
 
@@ -89,7 +89,7 @@ def _rendered(name: str, **values: object) -> str:
     return environment.get_template(name).render(warning=NOT_A_SAFETY_FUNCTION, **values)
 
 
-def _table(table: Table) -> dict[str, object]:
+def plain_table(table: Table) -> dict[str, object]:
     """A table of the terminal as one of the page: the very same numbers."""
 
     def plain(item: object) -> str:

@@ -295,8 +295,8 @@ def _check_clock(profile: Design, trajectory: Trajectory) -> None:
         remedy = "Run the controller at a constant rate."
     else:
         return
-    said = {"seen": seen, "needed": needed, "remedy": remedy, "source": trajectory.source}
-    raise LogRefusedError((Finding(code=code, severity="refusal", **said),))
+    found = Finding(code=code, severity="refusal", seen=seen, needed=needed, remedy=remedy)
+    raise LogRefusedError((found.of(trajectory.source),))
 
 
 def _step(trajectory: Trajectory) -> float:

@@ -144,6 +144,7 @@ def test_a_wanted_value_that_is_not_met_is_said_even_quietly(
         "seen": told,
         "needed": "10000 N·s/m",
         "remedy": "Ask for at most 140 N·s/m",
+        "at": [],
     }
     plain = haptune("tune", "homerehab", "scene.yaml")
     assert "asked for" not in plain.out

@@ -25,7 +25,7 @@ PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 #: Pages whose links have to resolve.
 LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
 #: Blocks in other languages: shown, not run.
-SHOWN = {"c", "csv", "text"}
+SHOWN = {"c", "text"}
 #: Commands that install what runs here, the one that runs this test, and measurements of minutes.
 LEFT_OUT = ("python -m pip", "python -m pytest", "python -m benchmarks")
 #: The element that is played for ``haptune verify``, and its gain.

@@ -74,18 +74,12 @@ def study(
     wishes = [
         (name, *_scene_with_table(scene, table)) for name, scene in _named(scenes, _scene_name)
     ]
-    items = [
-        (device, scene.model_copy(update={"margin": margin}), chosen)
-        for _, device in _named(devices, _device_name)
-        for _, scene, chosen in wishes
-        for margin in margins or (scene.margin,)
-    ]
-    heads = [
-        {"device": device, "scene": name, "margin": margin}
-        for device, _ in _named(devices, _device_name)
-        for name, scene, _ in wishes
-        for margin in margins or (scene.margin,)
-    ]
+    heads, items = list[Row](), list[tuple[Device | File, Scene, PerceptionTable]]()
+    for label, device in _named(devices, _device_name):
+        for name, scene, chosen in wishes:
+            for margin in margins or (scene.margin,):
+                heads.append({"device": label, "scene": name, "margin": margin})
+                items.append((device, scene.model_copy(update={"margin": margin}), chosen))
     rows: list[Row] = [{} for _ in items]
     for done, (place, row) in enumerate(in_parallel(_studied, items, workers=workers), start=1):
         rows[place] = heads[place] | row

@@ -25,7 +25,7 @@ class Plan:
 
     rooms: int
     floors: int
-    lines: int = 660
+    lines: int = 620
 
 
 PLANS = {

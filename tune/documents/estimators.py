@@ -22,11 +22,10 @@ DERIVATIVES: tuple[Derivative, ...] = ("velocity", "acceleration")
 DIFFERENCES: dict[Derivative, int] = {"velocity": 1, "acceleration": 2}
 #: What the names of kind, cut-off and order end in.
 _ENDS = "", "_hz", "_order"
-#: Kinds, with poles or states, of which one is chosen where they are free, the usual first; those
-#: of both filters that go together stand at one place.
+#: Kinds, with poles or states, of which one is chosen where they are free, the usual first.
 KINDS: dict[Derivative, tuple[tuple[FilterKind, int], ...]] = {
     "velocity": (("low-pass", 1), ("low-pass", 2), ("tracking", 3)),
-    "acceleration": (("low-pass", 2), ("low-pass", 2), ("tracking", 4)),
+    "acceleration": (("low-pass", 2), ("tracking", 4)),
 }
 #: Likewise damping ratios, with each of them.
 RATIOS = (1.0, 0.5)

@@ -536,9 +536,9 @@ class LoopFreedom(Document):
         return "tracking" if tracks else "low-pass", order
 
     def kinds(self, which: Derivative) -> tuple[tuple[FilterKind, int], ...]:
-        """Kinds and orders to choose from where they are free, else the stated one as often."""
+        """Kinds and orders to choose from where they are free, else the stated one."""
         free = getattr(self, f"{which}_filter") == "free"
-        return KINDS[which] if free else (self.kind(which),) * len(KINDS[which])
+        return KINDS[which] if free else (self.kind(which),)
 
     def ratios(self) -> tuple[float, ...]:
         """Damping ratios to choose from: one where it is stated or no kind is free."""

@@ -347,17 +347,8 @@ class Loop:
         Raises:
             LoopError: a delay that is negative or too long.
         """
-        return cls.from_numbers(
-            mass=device.mass.value,
-            damping=device.damping.value,
-            sample_time=device.sample_time.value,
-            delay_samples=device.delay.value / device.sample_time.value + extra_delay_samples,
-            filters=filters,
-            modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
-            hand=None if hand is None else HandNumbers.of(hand),
-            current_lag=0.0 if device.current_lag is None else device.current_lag.value,
-            position_stiffness=device.slope_at_zero,
-        )
+        sampled = SampledPlant.of(device, hand, extra_delay_samples)
+        return cls.around(sampled, filters or Filters())
 
     @classmethod
     def from_numbers(

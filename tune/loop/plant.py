@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identification import Mode, Plant
+from identification import Device, Mode, Plant
 from tune.documents import LoopError
 from tune.documents.scene import Hand
 from tune.loop.polynomials import (
@@ -406,6 +406,20 @@ class SampledPlant:
     mass: FloatArray
     sample_time: FloatArray
     grounded: bool
+
+    @classmethod
+    def of(cls, device: Device, hand: Hand | None, extra_delay_samples: float) -> SampledPlant:
+        """The device at its best estimate, alone or in a hand; see `Loop.from_parts`."""
+        return cls.from_numbers(
+            mass=device.mass.value,
+            damping=device.damping.value,
+            sample_time=device.sample_time.value,
+            delay_samples=device.delay.value / device.sample_time.value + extra_delay_samples,
+            modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
+            hand=None if hand is None else HandNumbers.of(hand),
+            current_lag=0.0 if device.current_lag is None else device.current_lag.value,
+            position_stiffness=device.slope_at_zero,
+        )
 
     @classmethod
     def from_numbers(

@@ -24,7 +24,7 @@ from tune.optimisation.feasibility import (
     passes_cheap_limits,
     stable_in_doubles,
 )
-from tune.optimisation.nash import SAME, Optimum, multipliers, solve_linear_program
+from tune.optimisation.nash import SAME, Optimum, maximise, multipliers
 from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, pose
 from tune.optimisation.solve import groups, optimum_of
 from tune.rendering import FASTEST
@@ -47,6 +47,12 @@ _NEXT_RANK = 0.1
 _RETREATS = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
 #: Hills this much lower than the highest are climbed too: between first choices as much may lie.
 _LESS = 0.25
+#: Kinds of acceleration filters that are this much worth less may yet be best with another velocity
+#: filter.
+_FAMILY = 0.6
+#: So many starts are climbed from, the best, and so many of them with one kind of acceleration
+#: filter; those of the usual kind are in any case.
+_CLIMBED, _ALIKE = 4, 3
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 2e-3
 #: This little is given for less filtering.
@@ -55,14 +61,8 @@ _GOOD_ENOUGH = 2e-3
 _STEP = 1e-4
 #: Two worths that differ by less, by rounding or by where a solver ends, are one.
 _TIED = 1e-6
-#: Points at most; ten are usual.
-_MOST = 30
-#: Planes of points beyond so many radii of the trust region bound nothing in it.
-_AROUND = 1.5
 #: Cut-offs that are looked at where no effect can have a step.
 _FINE = 24
-#: The trust region ends the search where it is this small, and shrinks or grows by so much.
-_SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
 
 
 def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
@@ -83,7 +83,7 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
     axes = _Axis.of(velocity, nyquist), _Axis.of(acceleration, nyquist)
     there = [1.0 if axis.free or axis.fixed else None for axis in axes]
     kinds: dict[Filters, None] = {}
-    for ratio, pair in product(loop.ratios(), zip(*map(loop.kinds, DERIVATIVES), strict=True)):
+    for ratio, pair in product(loop.ratios(), product(*map(loop.kinds, DERIVATIVES))):
         settings: dict[str, Any] = {"velocity_window_samples": windowed}
         for which, (kind, order), hertz in zip(DERIVATIVES, pair, there, strict=True):
             settings |= {f"{which}_filter": kind, f"{which}_filter_order": order}
@@ -106,6 +106,8 @@ class _Search:
         #: Orders, damping ratio and window of filters are those of one of these kinds, the usual
         #: first; the axes are the choices of the velocity and the acceleration filter.
         self.task, self.kinds, self.axes, self.say = task, kinds, axes, say
+        #: Of what ends a search: kinds are told apart by effects of the second rank as well.
+        self.unit = _NEXT_RANK if len(kinds) > 1 and len(ranks_of(task)) > 1 else 1.0
         #: Of what is looked at.
         self.kind = kinds[0]
         #: Worth of all elements.
@@ -134,8 +136,14 @@ class _Search:
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
-        for start in sorted(self._starts(point, free), key=self.tried.__getitem__, reverse=True):
-            self._refined(self._place(start), free)
+        starts = sorted(self._starts(point, free), key=self.tried.__getitem__, reverse=True)
+        climbed: list[object] = []
+        for start in starts:
+            family = filter_of(start, "acceleration")[::2], start.filter_damping_ratio
+            new = climbed.count(family) < _ALIKE and len(climbed) < _CLIMBED
+            if new or _kind_of(start) == self.kinds[0]:
+                self._refined(self._place(start), free)
+                climbed.append(family)
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
             reached, found = max(
@@ -150,7 +158,7 @@ class _Search:
     def _least_good(self) -> Filters:
         """The first kind, and least filtering of it, that is worth nearly as much as the best."""
         most = max(self.tried.values())
-        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH)
+        enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH * self.unit)
         good = [filters for filters, worth in self.tried.items() if worth >= enough]
         return min(good, key=lambda each: (self.kinds.index(_kind_of(each)), _lag(each)))
 
@@ -195,45 +203,82 @@ class _Search:
     def _starts(self, middle: list[float], free: Sequence[int]) -> list[Filters]:
         """Filters to climb from: one cut-off after the other, in both orders from the middle.
 
-        Of further kinds from the best that was found. Where no line through the middle keeps every
-        effect, all pairs of first choices of the usual kind are asked.
+        Where no line through the middle keeps every effect, all pairs of first choices are asked,
+        then lines of further kinds. Then kinds of one filter after the other, near the best.
         """
         starts: dict[Filters, None] = {}
-        for kind in self.kinds:
-            if not starts:
-                self.kind = kind
-                for *before, last in [free, free[::-1]][: len(free)]:
-                    found = self._best_whole(self._line(middle, before[0])) if before else middle
-                    starts |= dict.fromkeys(self._hills(self._line(found, last)) if found else ())
-                continue
-            top: list[float] | None = self._place(max(starts, key=self.tried.__getitem__))
-            self.kind = kind
-            for index in free:
-                top = self._top(top, index) if top else None
-            starts |= {self._filters(top): None} if top else {}
-        if starts:
-            enough = max(self.tried[each].value for each in starts) - _LESS
-            return [each for each in starts if self.tried[each].value >= enough]
-        self.kind = self.kinds[0]
         pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
-        whole = self._best_whole(pairs)
-        # That all effects can be kept is not always soon told.
-        return [self._filters(whole or _most([(self._worth(each), each) for each in pairs]))]
+        for kind in self.kinds:
+            self.kind = kind
+            for *before, last in [free, free[::-1]][: len(free)]:
+                found = self._best_whole(self._line(middle, before[0])) if before else middle
+                starts |= dict.fromkeys(self._hills(self._line(found, last)) if found else ())
+            if not starts and kind == self.kinds[0] and (whole := self._best_whole(pairs)):
+                starts[self._filters(whole)] = None
+            if starts:
+                break
+        else:
+            # That all effects can be kept is not always soon told.
+            self.kind = self.kinds[0]
+            return [self._filters(_most([(self._worth(each), each) for each in pairs]))]
+        for index in reversed(free) if len(self.kinds) > 1 else ():
+            ordered = sorted(starts, key=self.tried.__getitem__)
+            enough = self.tried[ordered[-1]].value - _FAMILY
+            for start in {_kind_of(each): each for each in ordered}.values():
+                if self.tried[start].value >= enough:
+                    for kind in [
+                        each for each in self.kinds if self._is_beside(start, each, index)
+                    ]:
+                        starts |= dict.fromkeys(self._uphill(kind, start, index))
+        enough = max(self.tried[each].value for each in starts) - _LESS
+        return [each for each in starts if self.tried[each].value >= enough]
 
     def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
         """Points with the first choices of one cut-off, least filtering first."""
         places = reversed(self.axes[index].first)
         return [[*point[:index], place, *point[index + 1 :]] for place in places]
 
-    def _top(self, point: list[float], index: int) -> list[float] | None:
-        """The point that is worth more than those beside it on a line, uphill from the nearest."""
-        line = self._line(point, index)
-        place = min(range(len(line)), key=lambda each: abs(line[each][index] - point[index]))
-        while (best := self._best_whole(line[max(place - 1, 0) : place + 2])) != line[place]:
-            if best is None:
-                return self._best_whole(line)
-            place = line.index(best)
-        return best
+    def _is_beside(self, filters: Filters, kind: Filters, index: int) -> bool:
+        """Whether a kind is another one in one filter alone, the damping ratio the one of both.
+
+        The ratio goes with the acceleration filter where that is chosen too.
+        """
+        mine, other = _kind_of(filters), DERIVATIVES[1 - index]
+        same = filter_of(mine, other)[::2] == filter_of(kind, other)[::2]
+        if index == 0 and self.axes[1].free:
+            # Of one ratio the cut-off may be another one for the same kind as well.
+            return same and mine.filter_damping_ratio == kind.filter_damping_ratio
+        return same and mine != kind
+
+    def _uphill(self, kind: Filters, filters: Filters, index: int) -> Iterator[Filters]:
+        """Those of a kind, if any, that keep every effect, uphill along one axis from near others.
+
+        Where none do near them, on the line across.
+        """
+        point = self._place(filters)
+        self.kind = kind
+        low, *_, high, _ = self.axes[index].first
+        point[index] = min(point[index], high)
+        step = math.log(_COARSE) / 3
+
+        def beside(way: float) -> list[float]:
+            place = min(max(point[index] + way, low), high)
+            return [*point[:index], place, *point[index + 1 :]]
+
+        def value(point: list[float]) -> float:
+            worth = self._whole(point)
+            return -math.inf if worth is None else worth.value
+
+        # That not every effect is kept is soon told, so it is looked farther for where all are.
+        near = [beside(count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
+        kept = (each for each in near if self._whole(each))
+        found = next(kept, None) or self._best_whole(self._line(point, 1 - index))
+        if found is not None:
+            point = found
+            for way in (-step, step):
+                while value(beside(way)) > value(point) + _TIED:
+                    point = beside(way)
+            yield self._filters(point)
 
     def _hills(self, line: Sequence[list[float]]) -> Iterator[Filters]:
         """Filters of a line, the first without one, that are worth as much as those beside.
@@ -297,7 +342,8 @@ class _Search:
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
         known = max(worth.value for worth in self.tried.values() if worth.kept >= kept)
-        found = _maximise(value, slopes, start, ends, radius=radius, gain=_SAME, known=known)
+        gain = _SAME * self.unit
+        found = maximise(value, slopes, start, ends, radius=radius, gain=gain, known=known)
         # Where a cut-off ends at the highest, none at all may be worth more.
         highest = [self.axes[i].first[-2:] for i in free]
         value([none if at >= top else at for at, (top, none) in zip(found, highest, strict=True)])
@@ -516,7 +562,8 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
                 least = spring.size_at(most * np.exp(rise) - spring.yields)
                 moved_sizes = np.array([float(least), sizes[1]])
                 value = _value_alone(task, beside, moved_sizes, np.array([1]))
-                return value - found.worth.value
+                if np.isfinite(value):
+                    return value - found.worth.value
     shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
     slack = _slack_change(problem, beside, np.array(_weights(task, problem)), sizes, shown)
     if slack is not None:
@@ -571,83 +618,3 @@ def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
     """The weighed sum of the logarithms of steps."""
     each = zip(_weights(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
     return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
-
-
-def _maximise(
-    value: Callable[[Sequence[float]], float],
-    slopes: Callable[[Sequence[float]], Sequence[float]],
-    start: Sequence[float],
-    ends: Sequence[tuple[float, float]],
-    *,
-    radius: float,
-    gain: float,
-    known: float,
-) -> list[float]:
-    """The best point met by Kelley's cutting planes, from a good start.
-
-    For functions that are smooth but for edges where one limit takes over from another: a maximum
-    on an edge is met by the tangents of both sides. Each point adds a plane above the function; the
-    next point is where the lowest of them is highest, no further than the trust region reaches. J.
-    E. Kelley, The cutting-plane method for solving convex programs, J. SIAM 8 (1960) 703.
-
-    A value is minus infinity where a point is not good. The radius is that of the trust region at
-    first, in each coordinate; the search ends where the planes promise less than the gain, or where
-    they would not reach what is known from elsewhere in a trust region that has grown.
-    """
-    low, high = (np.array(side) for side in zip(*ends, strict=True))
-    best = np.clip(np.array(start), low, high)
-    most = value(best.tolist())
-    planes, first = [(best, most, np.array(slopes(best.tolist())))], radius
-    for _ in range(_MOST):
-        near = np.maximum(low, best - radius), np.minimum(high, best + radius)
-        seen = [each for each in planes if np.max(np.abs(each[0] - best)) <= _AROUND * radius]
-        place, promised = _highest(seen, best, most, near, gain)
-        doubled = most + _GROWS * (promised - most)
-        if doubled < known + gain or radius < _SMALLEST:
-            break
-        if promised < most + gain:
-            if radius <= first:
-                break
-            # Planes from farther away may be those of another branch.
-            radius = first
-            continue
-        found = value(place.tolist())
-        if np.isfinite(found):
-            planes.append((place, found, np.array(slopes(place.tolist()))))
-        if found > most:
-            radius *= _GROWS if found - most > 0.5 * (promised - most) else 1.0
-            best, most = place, found
-        else:
-            radius = _SHRINKS * max(float(np.max(np.abs(place - best))), _SMALLEST)
-    return best.tolist()
-
-
-def _highest(
-    planes: Sequence[tuple[FloatArray, float, FloatArray]],
-    best: FloatArray,
-    most: float,
-    corners: tuple[FloatArray, FloatArray],
-    gain: float,
-) -> tuple[FloatArray, float]:
-    """Where the lowest plane is highest between two corners, and how high.
-
-    A plane that passes below the best point by more than a gain that counts is no bound there, for
-    the function is not concave everywhere and may jump: it is left out, and the trust region keeps
-    away from where it was seen.
-    """
-    planes = [
-        (place, height, slope)
-        for place, height, slope in planes
-        if slope @ (best - place) >= most - height - gain
-    ]
-    rows = np.array([np.append(-slope, 1.0) for _, _, slope in planes])
-    heights = np.array([height - slope @ place for place, height, slope in planes])
-    at_best = heights + np.array([slope @ best for _, _, slope in planes])
-    heights += np.maximum(most - at_best, 0.0)
-    answer = solve_linear_program(
-        np.append(np.zeros(best.size), -1.0),
-        rows,
-        (np.full(len(rows), -np.inf), heights),
-        (np.append(corners[0], -np.inf), np.append(corners[1], np.inf)),
-    )
-    return (best, most) if answer is None else (answer[:-1], float(answer[-1]))

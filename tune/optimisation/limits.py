@@ -36,7 +36,8 @@ _Table = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 _LinearWord = Literal["force", "rendering", "lead"]
 #: Of the step within which an effect has to be felt; the rest is for the digits of what is written.
 _OF_A_STEP = 0.997
-#: Mass is felt within this factor of what is commanded, docs/tuning.md; part of it kept to be sure.
+#: Mass is felt within this factor of what is commanded, docs/tuning.md; part of this limit, and of
+#: that on damping taken away, kept to be sure.
 _ALIKE, _KEPT = 1.2, 2e-3
 #: Sizes over the least, in proportions of which rows are told apart for solvers.
 _DIRECTIONS = (0.0, 1.0, 16.0)
@@ -242,7 +243,7 @@ def renderings(
                 continue
             most = given.copy()
             if felt == "damping":
-                rows = -given[~IN_MOTION] / own.reference
+                rows = -given[~IN_MOTION] / ((1 - _KEPT) * own.reference)
                 yield Proportion(rows=rows, telling=_telling(rows, units))
                 if mass is not None:
                     most[~IN_MOTION, mass] -= turn[~IN_MOTION]
@@ -304,7 +305,7 @@ class LinearLimits:
 
     Attributes:
         rows: shape (rows, unknowns).
-        words: which limit each row is.
+        forces: so many rows, the first, are limits of force; the others are of what is felt.
         masses: the unknown without which a row says nothing, -1 for none.
         shown: rows that solvers are shown; the others are kept where these are, as a rule.
         felt: limits on what is felt that are no rows.
@@ -312,7 +313,7 @@ class LinearLimits:
     """
 
     rows: FloatArray
-    words: tuple[_LinearWord, ...]
+    forces: int
     masses: NDArray[np.intp]
     shown: NDArray[np.intp]
     felt: tuple[Rendering, ...] = ()
@@ -333,21 +334,20 @@ class LinearLimits:
         """
         limits = list(felt)
         bent = tuple(one for one in limits if isinstance(one, Rendering) and one.bent)
-        rows = [row for row in forces if np.any(row > 0)]
-        words: list[_LinearWord] = ["force"] * len(rows)
-        masses, shown = [-1] * len(rows), [*range(len(rows))]
+        bounding = [row for row in forces if np.any(row > 0)]
+        rows = [np.array(bounding).reshape(len(bounding), unknowns)]
+        masses, shown = [np.full(len(bounding), -1)], [np.arange(len(bounding))]
         for one in limits:
             if one not in bent:
-                found = one.rows(0.0) if isinstance(one, Rendering) else one.rows
-                shown += (len(rows) + one.telling).tolist()
-                rows += [*found]
-                masses += [-1 if isinstance(one, Rendering) else one.mass] * len(found)
-                words += ("rendering",) * len(found)
+                shown.append(sum(map(len, rows)) + one.telling)
+                rows.append(one.rows(0.0) if isinstance(one, Rendering) else one.rows)
+                mass = -1 if isinstance(one, Rendering) else one.mass
+                masses.append(np.full(len(rows[-1]), mass))
         return cls(
-            rows=np.array(rows).reshape(len(rows), unknowns),
-            words=tuple(words),
-            masses=np.array(masses, dtype=np.intp),
-            shown=np.array(shown, dtype=np.intp),
+            rows=np.concatenate(rows),
+            forces=len(bounding),
+            masses=np.concatenate(masses).astype(np.intp),
+            shown=np.concatenate(shown).astype(np.intp),
             felt=bent,
             leads=tuple(leads),
         )
@@ -400,9 +400,16 @@ class LinearLimits:
         rest[index] = 0.0
         spare = 1 - self.rows @ rest
         said = (self.masses < 0) | (self.masses == index) | (sizes[self.masses] > 0)
-        for place in np.flatnonzero(said & (self.rows[:, index] > 0)).tolist():
-            word, left = self.words[place], float(spare[place] / self.rows[place, index])
-            found[word] = min(found.get(word, np.inf), max(0.0, left))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left = np.where(said & (self.rows[:, index] > 0), spare / self.rows[:, index], np.inf)
+        parts: tuple[tuple[_LinearWord, FloatArray], ...] = (
+            ("force", left[: self.forces]),
+            ("rendering", left[self.forces :]),
+        )
+        for word, ends in parts:
+            least = float(np.min(ends, initial=np.inf))
+            if least < np.inf:
+                found[word] = min(found.get(word, np.inf), max(0.0, least))
         return found
 
 

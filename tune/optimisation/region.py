@@ -62,6 +62,7 @@ class Region:
         presliding: stiffness of friction that holds before it slides, N/m above zero, or None.
         hand: grips; the device alone is in the region in any case.
         found: points between the corners that were worse than they.
+        nominal: the device at its best estimate and longest delay, alone and in the hand if any.
     """
 
     box: Box
@@ -70,6 +71,7 @@ class Region:
     presliding: tuple[float, float] | None = None
     hand: Hand | None = None
     found: tuple[PlantPoint, ...] = ()
+    nominal: tuple[SampledPlant, ...] = field(default=(), repr=False, compare=False)
     _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
         default_factory=dict[tuple[float, float], tuple[SampledPlant, ...]],
         init=False,
@@ -94,12 +96,16 @@ class Region:
                 "sample time"
             )
         held = device.presliding_stiffness
+        later = (device.delay.high - device.delay.value) / device.sample_time.value
         return cls(
             box=box,
             modes=device.modes,
             current_lag=device.current_lag,
             presliding=None if held is None else (held.low, held.high),
             hand=hand,
+            nominal=tuple(
+                SampledPlant.of(device, each, later) for each in ((None, hand) if hand else (None,))
+            ),
         )
 
     def loops(self, filters: Filters, extra: float) -> tuple[DelayedLoops, ...]:
@@ -251,17 +257,16 @@ class Loops:
     )
 
     @classmethod
-    def of(cls, device: Device, region: Region, filters: Filters, extra: float) -> Loops:
-        """The loops of a device, with up to ``extra`` samples of delay on top of its own."""
+    def of(cls, region: Region, filters: Filters, extra: float) -> Loops:
+        """The loops of a region, with up to ``extra`` samples of delay on top of its own."""
         loops = region.loops(filters, extra)
-        later = (device.delay.high - device.delay.value) / device.sample_time.value
+        nominal, *held = (Loop.around(plant, filters) for plant in region.nominal)
         return cls(
             region=region,
             filters=filters,
             late=_side_by_side([one.loop for one in loops]),
-            nominal=Loop.from_parts(device, filters, extra_delay_samples=later),
-            held=region.hand
-            and Loop.from_parts(device, filters, region.hand, extra_delay_samples=later),
+            nominal=nominal,
+            held=held[0] if held else None,
             _each=loops,
         )
 

@@ -304,10 +304,12 @@ def _search_gain(
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
         for part in () if gain >= least else _PARTS:
-            multiplier = _find_multiplier(responses, parts, part * least, late)
-            if multiplier is not None:
-                gain = _least_gain(responses, parts, multiplier)
-                multiplier, gain = _with_few_taps(responses, parts, multiplier, gain, least)
+            found = _find_multiplier(responses, parts, part * least, late)
+            if found is not None:
+                reached = _least_gain(responses, parts, found)
+                found, reached = _with_few_taps(responses, parts, found, reached, least)
+                if multiplier is None or reached > gain:  # the known one may prove more
+                    multiplier, gain = found, reached
                 break
         gains.append(gain)
         multipliers[loop.grounded] = multiplier

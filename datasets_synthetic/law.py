@@ -98,14 +98,12 @@ class _Transitions:
         random = called & (caller == RANDOM)
         # A spring that fades is taken to fade all the way: at a low level it could be pumped.
         adverse = called & (caller == ADVERSE) & ~(self._spring & fades)
-        self._random, self._adverse = (
-            random if random.any() else None,
-            adverse if adverse.any() else None,
-        )
+        self._random, self._adverse = _if_any(random), _if_any(adverse)
         self._left = alone & random, alone & adverse, random & ~alone & ~self._walls
         self._least = np.where(self._spring, _LEAST, 0.0)
         self._source = np.random.default_rng(0)  # one caller for all members, whatever the batch
         self._gain = np.ones((len(stiffness), 1))
+        #: Gains but for those of adverse callers.
         self._always = np.ones(stiffness.shape)
         self._asked: FloatArray | None = None
         self._level = level
@@ -115,8 +113,7 @@ class _Transitions:
         self._last, self._sample = np.zeros(batch), 0
         #: Sample from which on a spring whose level waits to rise may have been quiet.
         self._due = 0
-        #: Members in which something fades, and the walls there that stop it while they push.
-        self._fading: tuple[IntArray, Mask] | None = None
+        self._fading = False  # whether anything has still to fade
         #: What acted since anybody asked whether it was quiet.
         self._unseen: deque[FloatArray] = deque(maxlen=calls.taps)
 
@@ -163,25 +160,19 @@ class _Transitions:
         self._look_at_fades(asked)
         self._fade_on(law, asked)
 
-    def _look_at_fades(self, asked: FloatArray) -> None:
-        """Where anything has still to fade."""
-        members = np.flatnonzero(np.logical_or.reduce((self._level != asked) & self._fades))
-        walls = (self._walls & (self._level != 0))[:, members]
-        self._fading = (members, walls) if members.size else None
-
     def _fade_on(self, law: FloatArray, asked: FloatArray) -> None:
         """Levels that fade change, but where a wall pushes."""
-        if self._fading is None:
+        if not self._fading:
             return
-        members, walls = self._fading
-        free = members[~np.logical_or.reduce((law.take(members, axis=1) != 0) & walls)]
-        if not free.size:
-            return
-        there = (self._level, self._fade, asked, self._fades)
-        level, change, asked_there, fades = (each.take(free, axis=1) for each in there)
-        faded = np.minimum(np.maximum(asked_there, level - change), level + change)
-        self._level[:, free] = np.where(fades, faded, level)
+        level, change = self._level, self._fade
+        faded = np.minimum(np.maximum(asked, level - change), level + change)
+        pushed = np.logical_or.reduce(self._walls & (level != 0) & (law != 0))
+        np.copyto(level, faded, where=self._fades & ~pushed)
         self._look_at_fades(asked)
+
+    def _look_at_fades(self, asked: FloatArray) -> None:
+        """Whether anything has still to fade."""
+        self._fading = bool(np.count_nonzero((self._level != asked) & self._fades))
 
     def _enter(self, entering: Mask, reading: FloatArray, moving: FloatArray) -> None:
         """Each rests where the device is; a wall at its face, if the device is not behind it."""
@@ -203,7 +194,7 @@ class _Transitions:
     def _look(self) -> None:
         """Which walls are not at their faces."""
         moved = self._walls & (self._rest != self._place)
-        self._moved = moved if moved.any() else None
+        self._moved = _if_any(moved)
 
     def _clamped(self, reading: FloatArray, moving: FloatArray, rest: FloatArray) -> FloatArray:
         """Each clamp as it is where it rests there."""
@@ -214,25 +205,27 @@ class _Transitions:
         """Gain that is asked for of each: the array of before where that is the same."""
         if self._until == 0:
             random, adverse, left = self._left
-            self._random = random if random.any() else None
-            self._adverse = adverse if adverse.any() else None
-            self._always = np.where(left, 0.0, 1.0)
+            self._random, self._adverse = _if_any(random), _if_any(adverse)
+            self._always = np.where(random, self._gain, np.where(left, 0.0, 1.0))
         self._until -= 1
+        if self._random is not None and self._source.random() < _CHANCE:
+            self._gain[self._source.integers(len(self._gain))] = self._source.choice(_GAINS)
+            self._always = np.where(self._random, self._gain, self._always)
         asked, before = self._always, self._asked
-        if self._random is not None:
-            if self._source.random() < _CHANCE:
-                self._gain = self._gain.copy()
-                self._gain[self._source.integers(len(self._gain))] = self._source.choice(_GAINS)
-            asked = np.where(self._random, self._gain, asked)
         if self._adverse is not None:
             # The lag of a damper makes it give some.
-            gives = law * (reading - self._last) < 0
-            asked = np.where(self._adverse & ~gives, self._least, asked)
+            takes = ~(law * (reading - self._last) < 0)
+            asked = np.where(takes & self._adverse, self._least, asked)
         self._last = reading
         if self._entrance is not None:
             asked = asked * (reading > self._entrance)
         # As bytes they are compared in a fraction of the time.
         return before if before is not None and asked.tobytes() == before.tobytes() else asked
+
+
+def _if_any(mask: Mask) -> Mask | None:
+    """The mask, None where it holds nowhere."""
+    return mask if mask.any() else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

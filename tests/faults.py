@@ -142,7 +142,27 @@ FAULTS: tuple[Fault, ...] = (
             "for absent in combinations(fading, 0)",
         ),
     ),
+    *_of(
+        "tune/certificate/absolute.py",
+        f"{_EDGES} -k 'one_signal or another_wall'",
+        (
+            "the outermost of some clamps",
+            "reach = (K * witness.gain, moment)",
+            "reach = (-K * witness.gain, moment)",
+        ),
+        ("clamps of a multiplier", "[channel.name for channel in channels] == [name]", "True"),
+    ),
     # What `certify` asks for.
+    *_of(
+        "tune/certificate/certify.py",
+        f"{_EDGES} -k 'springs_alone or lesser_spring'",
+        ("gains of settings on a ray", ".tolist()), abs(size)", ".tolist()), 1.0"),
+        (
+            "claims that no other covers",
+            "if -late > longest.get(ray, -1.0):",
+            "if ray not in longest:",
+        ),
+    ),
     *_of(
         "tune/certificate/certify.py",
         f"{_EDGES} -k 'ripple or force or passivity or of_a or wall_alone or delay or own_force'",
@@ -158,7 +178,7 @@ FAULTS: tuple[Fault, ...] = (
             "failures += rendering_failures(design, moment[0], setting)",
             "pass",
         ),
-        ("clamps that may be reached", "if moment in clamped:", "if not moment:"),
+        ("clamps that may be reached", "if moment in outermost:", "if not moment:"),
         ("delays that are judged", "if longest > _LONGEST_DELAY:", "if longest > 1e9:"),
         ("a device that is pushed away", "    refuse_unbalanced(design.device)\n", ""),
     ),

@@ -238,6 +238,38 @@ def sum_of_two() -> Edge:
     )
 
 
+def springs_alone() -> Edge:
+    """The stiffest of some springs, by whose proof the others are proved too."""
+    reach = late_limit([AXIS], SPRING)
+    parts = {"a": 0.2, "b": 1.0, "c": 0.5}
+    return Edge(
+        "b: margin: unstable at",
+        lambda part: design({name: element(part * each * reach) for name, each in parts.items()}),
+    )
+
+
+def gain_of_a_lesser_spring() -> Edge:
+    """Claimed of the less stiff of two springs up to more than the other is."""
+    gain = limit(AXIS, (600.0, 0.0, 0.0))
+    return Edge(
+        "a: claimed gain margin: unstable at",
+        lambda part: design(
+            {"a": element(600.0, margins={"gain": part * gain}), "b": element(1e3)}
+        ),
+    )
+
+
+def delay_of_a_lesser_spring() -> Edge:
+    samples = latest(1200.0, 1.0)
+    claim = "extra_delay_samples"
+    return Edge(
+        "a: claimed delay margin: unstable at",
+        lambda part: design(
+            {"a": element(1200.0, margins={claim: part * samples - 1}), "b": element(1900.0)}
+        ),
+    )
+
+
 def gain_below_the_whole() -> Edge:
     """Stable at the margin's gain and near none, but not between, if a late mass is too light."""
     device = replace(AXIS, damping=0.154, velocity_filter_hz=None, acceleration_filter_hz=50.0)
@@ -622,6 +654,23 @@ def wall_alone() -> Edge:
     )
 
 
+def walls_of_one_signal() -> Edge:
+    """The stiffest of some walls alike, by whose proof the others are proved too."""
+    reach = reach_of([(*WALL, 0.0, ONE)])
+    parts = {"wall": 0.2, "door": 1.0, "gate": 0.5}
+    return Edge(
+        "door: not proved stable with its clamps",
+        lambda part: design(
+            {
+                name: element(*(part * each * reach * size for size in WALL), one_sided=True)
+                for name, each in parts.items()
+            },
+            loop=FILTERS,
+        ),
+        {name: proof((name, 0.0, ONE)) for name in parts},
+    )
+
+
 def damper_beside_a_wall() -> Edge:
     """Switched at any moment."""
     reach = reach_of([(*WALL, 0.0, THREE), (0.0, 30.0, 8e-4, ())])
@@ -682,6 +731,9 @@ EDGES: dict[str, Callable[[], Edge]] = {
             claimed_gain,
             claimed_delay,
             sum_of_two,
+            springs_alone,
+            gain_of_a_lesser_spring,
+            delay_of_a_lesser_spring,
             gain_below_the_whole,
             level_of_what_fades,
             longest_delay,
@@ -700,6 +752,7 @@ EDGES: dict[str, Callable[[], Edge]] = {
             damping_taken_away_beyond,
             parasitic_damping_beyond,
             wall_alone,
+            walls_of_one_signal,
             damper_beside_a_wall,
             spring_beside_a_wall,
             mass_beside_a_wall,
@@ -745,6 +798,14 @@ def test_a_false_multiplier_proves_nothing(false: dict[str, AbsoluteStability], 
     made = clamps(1.0, **(WET if "wall + water" in false else {}))
     assert said(made, DAMPED) == ""
     assert words in said(made, DAMPED | false)
+
+
+def test_a_multiplier_of_another_wall_proves_nothing() -> None:
+    """Though the other wall is stiffer, follows the same signal and is proved by it."""
+    made = clamps(1.0, door=element(*(size / 2 for size in WALL), one_sided=True))
+    other = proof(("wall", 0.0, THREE))
+    assert said(made, {"wall": other, "door": proof(("door", 0.0, THREE))}) == ""
+    assert "is of wall, not of door" in said(made, {"wall": other, "door": other})
 
 
 def test_the_largest_sets_that_a_wall_is_met_in_need_a_multiplier() -> None:

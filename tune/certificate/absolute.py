@@ -201,6 +201,7 @@ def _taps(
     return real, 1.0 if normal else slope, rest
 
 
+_Moment = tuple[str, ...]
 #: Multipliers by moment, its elements joined by " + ".
 _Witnesses = Mapping[str, AbsoluteStability]
 
@@ -232,17 +233,51 @@ def clamped_moments(design: Design) -> tuple[tuple[str, ...], ...]:
     return tuple(each for each in design.moments() if set(each) in largest)
 
 
+def outermost_of(
+    design: Design, moments: Sequence[_Moment], witnesses: _Witnesses
+) -> dict[_Moment, _Moment]:
+    """Of each of some moments the one whose proof is its own too.
+
+    A lone clamp is a smaller gain of another where both follow one signal, K·(y + B/K·v + M/K·a),
+    have one multiplier, and K times the gain that is stated is no larger: the condition is of that
+    product alone, and for a smaller one its first matrix only grows.
+    """
+    best: dict[str, tuple[float, _Moment]] = {}
+    keys: dict[_Moment, str] = {}
+    for moment in moments:
+        witness, first = witnesses.get(" + ".join(moment)), design.elements[moment[0]]
+        stated = (witness.free, witness.held) if witness else ()
+        channels = [each and each.channels for each in stated]
+        if len(moment) == 1 and witness and all(_is_of(moment[0], each) for each in channels):
+            K, taps = (
+                first.stiffness,
+                [each and (each[0].constant, each[0].taps) for each in channels],
+            )
+            keys[moment] = repr((first.damping / K, first.mass / K, taps))
+            reach = (K * witness.gain, moment)
+            best[keys[moment]] = max(best.get(keys[moment], reach), reach)
+    return {moment: best[keys[moment]][1] if moment in keys else moment for moment in moments}
+
+
+def _is_of(name: str, channels: Sequence[Channel] | None) -> bool:
+    """Whether a multiplier, if there is one, is of a lone clamp."""
+    return channels is None or [channel.name for channel in channels] == [name]
+
+
 def judge_switched(
     design: Design,
-    moment: tuple[str, ...],
+    moment: _Moment,
     regions: tuple[Region, ...],
     witnesses: _Witnesses,
     most_cells: int | None = None,
+    *,
+    covered: bool = False,
 ) -> tuple[AbsoluteStability, int]:
     """What a moment is proved for in every region, by stated multipliers, and cells looked at.
 
     The budget of cells is for where less would be asked for instead; None for all that may help.
-    Raises CheckFailedError where it is not proved.
+    Nothing is looked at for one that is covered by the proof of another. Raises CheckFailedError
+    where it is not proved.
     """
     where, margin = " + ".join(moment), design.margin
 
@@ -268,7 +303,7 @@ def judge_switched(
         if (multiplier is None) == bool(own):
             words = "no multiplier is stated, and some" if own else "a multiplier is stated, and no"
             raise refused(f"absolute_stability, {kind}: {words} device or hand of the box is")
-        for region in own:
+        for region in own if not covered else ():
             try:
                 cells += _prove_absolute(region, sum_, multiplier, claim, most_cells or _MOST_CELLS)
             except ValueError as error:

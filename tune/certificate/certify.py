@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from identification import Device
-from tune.certificate.absolute import clamped_moments, judge_levels, judge_switched
+from tune.certificate.absolute import clamped_moments, judge_levels, judge_switched, outermost_of
 from tune.certificate.claims import (
     force_failures,
     meets_wall,
@@ -45,6 +45,8 @@ MOST_CELLS = 200_000
 _LONGEST_DELAY = 64
 
 _Moment = tuple[str, ...]
+#: Claims of a moment, each with its name, the margin first.
+_NamedClaims = Sequence[tuple[Claim, str]]
 
 _METHOD = (
     "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "
@@ -335,6 +337,8 @@ def _judge_moments(
 ) -> list[_MomentInRegion]:
     """Search each moment for an unstable point; where none is found, prove that there is none."""
     named = [list(_claims(design, moment)) for moment, _ in played]
+    rays = [_ray_of(setting) for _, setting in played]
+    named = _outermost(named, rays)
     asked = [
         (setting, [claim for claim, _ in claims])
         for (_, setting), claims in zip(played, named, strict=True)
@@ -348,7 +352,7 @@ def _judge_moments(
                 outcome.refuse(claim.gain, words, worst)
             elif words == "margin":
                 outcome.worst = claim.gain, worst
-    left = [number for number, outcome in enumerate(judged) if not outcome.failures]
+    left = [n for n, outcome in enumerate(judged) if named[n] and not outcome.failures]
     proofs = prove_all(region, [asked[number] for number in left], most_cells)
     for number, proof in zip(left, proofs, strict=True):
         outcome, (setting, claims) = judged[number], asked[number]
@@ -368,7 +372,47 @@ def _judge_moments(
                 f"{worst.verdict.radius:.9g} at {worst.point.words()}, gain {claims[0].gain:.6g}. "
                 "Ask for less, or narrow the intervals of the device"
             )
+    short = {rays[n][0] for n, outcome in enumerate(judged) if named[n] and not outcome.proved}
+    for outcome, (ray, _) in zip(judged, rays, strict=True):
+        outcome.proved = ray not in short
     return judged
+
+
+def _ray_of(setting: Setting) -> tuple[tuple[float, ...], float]:
+    """What a setting shares with its smaller and larger gains, and its own gain along that.
+
+    To the last digit those are settings of one effect, or equal ones.
+    """
+    if sum(map(bool, setting.sizes)) > 1:
+        return setting.sizes, 1.0
+    size = sum(setting.sizes)
+    return tuple(np.sign(setting.sizes).tolist()), abs(size)
+
+
+def _outermost(
+    named: Sequence[_NamedClaims], rays: Sequence[tuple[tuple[float, ...], float]]
+) -> list[_NamedClaims]:
+    """Of the claims of each moment those that no other on its ray covers.
+
+    A claim is of every smaller gain and shorter delay too. The margin of the largest setting of a
+    ray is kept, so that its worst point is told.
+    """
+    order = [
+        ((ray, -own * claim.gain, -claim.extra), -own, number, place)
+        for number, (claims, (ray, own)) in enumerate(zip(named, rays, strict=True))
+        for place, (claim, _) in enumerate(claims)
+    ]
+    by_size = sorted(range(len(rays)), key=lambda number: rays[number][1])
+    kept = {(number, 0) for number in {rays[number][0]: number for number in by_size}.values()}
+    longest: dict[tuple[float, ...], float] = {}
+    for (ray, _, late), _, number, place in sorted(order):
+        if -late > longest.get(ray, -1.0):
+            kept.add((number, place))
+            longest[ray] = -late
+    return [
+        [each for place, each in enumerate(claims) if (number, place) in kept]
+        for number, claims in enumerate(named)
+    ]
 
 
 def _claims(design: Design, moment: tuple[str, ...]) -> Iterator[tuple[Claim, str]]:
@@ -428,7 +472,8 @@ def certify(
     failures: list[str] = []
     absolute: dict[str, AbsoluteStability] = {}
     interior: dict[str, Literal["proved"]] = {}
-    clamped = clamped_moments(design)
+    stated = witnesses or {}
+    outermost = outermost_of(design, clamped_moments(design), stated)
     played = [
         (moment, setting)
         for moment in design.moments()
@@ -445,8 +490,11 @@ def certify(
             continue
         try:
             cells += judge_levels(design, moment, regions, most)
-            if moment in clamped:
-                proved, seen = judge_switched(design, moment, regions, witnesses or {}, most_cells)
+            if moment in outermost:
+                covered = outermost[moment] != moment
+                proved, seen = judge_switched(
+                    design, moment, regions, stated, most_cells, covered=covered
+                )
                 absolute[" + ".join(moment)] = proved
                 cells += seen
         except CheckFailedError as error:

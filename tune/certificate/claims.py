@@ -198,7 +198,7 @@ def passivity_failures(
             "where it is not known"
         ]
     damping = region.damping[0]
-    for step in np.linspace(*region.sample_time, _STEPS):
+    for step in np.unique(np.linspace(*region.sample_time, _STEPS)):
         needed = damping_for_passivity(setting, float(step), whole)
         if not damping > needed * (1 - _SHORT_OF):
             return [

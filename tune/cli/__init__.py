@@ -37,7 +37,7 @@ def _run() -> None:
     except ImportError as error:  # another project's package of this name stands over ours
         sys.stderr.write(f"haptune: {error}\n")
         sys.exit(1)
-    _silence_libraries()
+    _prepare_libraries()
     from tune.cli.app import run_app
 
     run_app()
@@ -54,10 +54,12 @@ def _end_early() -> None:
     sys.exit(finish_interrupted())
 
 
-def _silence_libraries() -> None:
+def _prepare_libraries() -> None:
     """Keep what libraries say to programmers off standard error, unless Python's -W asks for it.
 
     Plugins that other packages bring for pydantic change nothing here and take time to look for.
+    Threads of linear algebra wait for each other longer than the small matrices here take, and a
+    log of a million rows is no faster by them.
     """
     import logging
     import os
@@ -65,6 +67,7 @@ def _silence_libraries() -> None:
     import warnings
 
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
     if not sys.warnoptions:
         warnings.simplefilter("ignore")

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
 from itertools import product
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -206,11 +210,28 @@ def _cone_rows(table: ComplexArray) -> tuple[clarabel.Cone | None, FloatArray, F
         first, second, across = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
         rows = np.stack([first + second, first - second, 2 * across.real, 2 * across.imag], axis=-1)
         return clarabel.SecondOrderConeT(4), rows.reshape(count, -1), np.array([2.0, 0, 0, 0])
+    _load_lapack()
     whole = np.block([[table.real, -table.imag], [table.imag, table.real]])
     column, row = np.tril_indices(2 * size)
     scaled = whole[..., row, column] * np.where(row == column, 1.0, np.sqrt(2))
     cone = clarabel.PSDTriangleConeT(2 * size)
     return cone, scaled.reshape(count, -1), np.where(row == column, 1.0, 0.0)
+
+
+@cache
+def _load_lapack() -> None:
+    """Load the two modules in which the solver finds LAPACK, without the package around them.
+
+    All of scipy.linalg takes six times longer to import; where they are not found, the solver
+    imports it.
+    """
+    package = find_spec("scipy")
+    for name in ("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack"):
+        places = package and package.submodule_search_locations
+        spec = PathFinder.find_spec(name, [f"{place}/linalg" for place in places or ()])
+        if name not in sys.modules and spec is not None and spec.loader is not None:
+            sys.modules[name] = module_from_spec(spec)
+            spec.loader.exec_module(sys.modules[name])
 
 
 def _multiplier(
@@ -283,10 +304,12 @@ def _search_gain(
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
         for part in () if gain >= least else _PARTS:
-            multiplier = _find_multiplier(responses, parts, part * least, late)
-            if multiplier is not None:
-                gain = _least_gain(responses, parts, multiplier)
-                multiplier, gain = _with_few_taps(responses, parts, multiplier, gain, least)
+            found = _find_multiplier(responses, parts, part * least, late)
+            if found is not None:
+                reached = _least_gain(responses, parts, found)
+                found, reached = _with_few_taps(responses, parts, found, reached, least)
+                if multiplier is None or reached > gain:  # the known one may prove more
+                    multiplier, gain = found, reached
                 break
         gains.append(gain)
         multipliers[loop.grounded] = multiplier

@@ -100,7 +100,13 @@ def solve(
     Raises:
         NoFeasibleEffectError: a range cannot be met.
     """
-    beside = {label: size for solved in before for label, size in solved.by_label().items()}
+    met = _met(task, elements)
+    beside = {
+        label: size
+        for solved in before
+        for label, size in solved.by_label().items()
+        if label.rpartition(".")[0] in met
+    }
     known = frozenset[str]().union(*(solved.problem.cut for solved in before))
     cut = may_saturate(task, elements)
     walls = cut & task.scene.walls
@@ -115,6 +121,13 @@ def solve(
         return free
     usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
+
+
+def _met(task: DesignTask, elements: Sequence[str]) -> set[str]:
+    """Elements that share some moment with some of these."""
+    own = {*elements}
+    every = (subset for name in task.scene.elements for subset in task.subsets(name))
+    return {name for subset in every if not own.isdisjoint(subset) for name in subset}
 
 
 def _solved(

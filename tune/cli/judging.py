@@ -355,7 +355,7 @@ def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> 
 
     units = units_of(motion)
     table = headed_table(
-        f"{old} -> {new}",
+        f"{old} → {new}",
         ("quantity", "unit", "old", "new", "change", "beyond"),
         right=("old", "new", "change"),
     )

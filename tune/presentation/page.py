@@ -240,8 +240,8 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 def _trusted(safe: SafeProfile) -> Iterator[str]:
     """What no calculation can confirm, in plain words: seven sentences at most."""
     device, seal = safe.device, safe.certificate
-    assumed = ", ".join(name.replace("_", " ") for name in device.assumed())
-    only = f", where the {assumed} were only assumed" if assumed else ""
+    assumed = " and the ".join(name.replace("_", " ") for name in device.assumed())
+    only = f", only assumed for the {assumed}" if assumed else ""
     yield f"The facts on the first page are those of this device{only}."
     if device.logs:
         units = UNITS[device.motion]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tune.documents.scene import EFFECT_NAMES, UNITS
 from tune.optimisation.study import QUANTITIES
-from tune.presentation.tables import four_digits, headed_table
+from tune.presentation.tables import headed_table, plain_number
 
 if TYPE_CHECKING:
     import polars
@@ -128,11 +128,10 @@ def unlike_table(unlike: tuple[Unlike, ...]) -> Table:
         "deviations of the fleet",
     )
     for each in unlike[:_MOST_ROWS]:
-        value, low, high, median = map(four_digits, (each.value, each.low, each.high, each.median))
+        value, low, high, median = map(plain_number, (each.value, each.low, each.high, each.median))
         distance = "all others alike" if np.isinf(each.distance) else f"{each.distance:.1f}"
-        table.add_row(
-            each.device, _words(each.quantity), value, f"{low} .. {high}", median, distance
-        )
+        row = each.device, _words(each.quantity), value, f"{low} .. {high}", median, distance
+        table.add_row(*row)
     return table
 
 
@@ -157,7 +156,7 @@ def _spread_table(frame: polars.DataFrame) -> Table:
     for name in _shown(frame):
         value = frame[name].drop_nulls().to_numpy()
         median, spread = _middle(value)
-        told = (four_digits(each) for each in (value.min(), median, value.max(), spread))
+        told = (plain_number(each) for each in (value.min(), median, value.max(), spread))
         table.add_row(_words(name), str(len(value)), *told)
     return table
 

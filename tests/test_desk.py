@@ -104,7 +104,7 @@ def test_a_limit_that_binds_is_shown_used_up() -> None:
     page = _report(load_device("stylus"), {"rubber": {"stiffness": "max"}})
     ((width, words),) = re.findall(r'class="binds" width="(.*?)" .*?</svg>(.*?)</td>', page)
     assert float(width) == pytest.approx(100.0, abs=1.0)
-    assert words == "gain when late 2 of 2 with 1 T more"
+    assert words == "gain and delay 2 of 2 with 1 T more"
 
 
 def test_trust_is_at_most_seven_plain_sentences() -> None:

@@ -269,7 +269,7 @@ def _margin_uses(design: Design, name: str) -> _Found:
     if "delay-margin" in element.limited_by.values():
         late = _late_gain(design, name)
         words = f"{margin.gain:g} of {late:.3g} with {wanted:g} T more"
-        yield "gain when late", "delay-margin", margin.gain / late, words
+        yield "gain and delay", "delay-margin", margin.gain / late, words
     elif wanted and most > 0:
         yield "extra delay", "delay-margin", wanted / most, f"{wanted:g} of {most:g} T"
     if own.absolute_gain:

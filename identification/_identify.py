@@ -70,8 +70,8 @@ class Identification(Tabular):
     def __repr__(self) -> str:
         mass, damping = self.device.mass, self.device.damping
         return (
-            f"Identification(mass {mass.value:.4g} ({mass.low:.4g} to {mass.high:.4g}), "
-            f"damping {damping.value:.4g} ({damping.low:.4g} to {damping.high:.4g}), "
+            f"Identification(mass {mass.value:.6g} ({mass.low:.6g} to {mass.high:.6g}), "
+            f"damping {damping.value:.6g} ({damping.low:.6g} to {damping.high:.6g}), "
             f"by {self.method} from {len(self.logs)} log(s), {len(self.findings)} finding(s))"
         )
 

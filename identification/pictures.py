@@ -511,8 +511,10 @@ def excitation_picture(excitation: Excitation) -> Figure:
         loc="left",
     )
     figure.axes[-1].set_xlabel("time, s")
+    known = ((spec.mass.value, excitation.mass), (spec.damping.value, excitation.damping))
+    parts = [f"± {100 * half / guess:.2g} %" if guess else f"± {half:.2g}" for guess, half in known]
     figure.suptitle(
         f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
-        f"interval of mass ± {excitation.mass:.2g}, of damping ± {excitation.damping:.2g}"
+        f"interval of mass {parts[0]}, of damping {parts[1]}"
     )
     return figure

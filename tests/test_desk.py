@@ -6,6 +6,7 @@ import itertools
 import re
 import shutil
 import subprocess
+from collections.abc import Mapping
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identification import load_device
+from identification import Device, load_device
 from tests.commands import haptune
 from tune import SafeProfile, Scene, optimise
 from tune.presentation.page import report_html
@@ -57,12 +58,9 @@ _NO_PROSE = re.compile(r"```.*?```|<!--.*?-->|^[|#!].*?$|^ {4}.*?$", re.DOTALL |
 
 
 def test_the_documentation_is_short() -> None:
-    """Words of the pages without benchmarks and decisions; of a guide's sentences on average.
-
-    A command that came with a page of its own, for fleets and for the browser, has its words.
-    """
+    """Words of the pages without benchmarks and decisions; of a guide's sentences on average."""
     words = {page.stem: page.read_text(encoding="utf-8") for page in DOCS.glob("*.md")}
-    assert sum(len(text.split()) for text in words.values()) <= 15_000 + 2 * 700
+    assert sum(len(text.split()) for text in words.values()) <= 15_000
     assert len(words["tutorial"].split()) <= 800
     for name in GUIDES.split():
         prose = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", _NO_PROSE.sub("", words[name]))
@@ -77,6 +75,11 @@ def test_the_documentation_is_short() -> None:
 def _page() -> str:
     device = load_device("homerehab").model_copy(update={"serial": 'HR-7" } </style> */'})
     elements = {"wall": {"stiffness": 800.0, "damping": 20.0}, "water": {"damping": 10.0}}
+    return _report(device, elements)
+
+
+def _report(device: Device, elements: Mapping[str, Mapping[str, float | str]]) -> str:
+    """The report of some elements, without pictures."""
     profile = optimise(device, Scene.model_validate({"name": "room", "elements": elements}))
     assert isinstance(profile, SafeProfile)
     with pytest.MonkeyPatch.context() as patch:
@@ -94,6 +97,14 @@ def test_the_first_page_tells_every_stated_fact_with_its_value() -> None:
     assert facts["force limit, continuous and peak"] == "14 and 28 N"
     assert facts["wall stiffness"] == "800 N/m"
     assert any(each.startswith("as wanted; ") for each in first)
+
+
+def test_a_limit_that_binds_is_shown_used_up() -> None:
+    # Gain and delay together limit this spring; each alone would allow more of it.
+    page = _report(load_device("stylus"), {"rubber": {"stiffness": "max"}})
+    ((width, words),) = re.findall(r'class="binds" width="(.*?)" .*?</svg>(.*?)</td>', page)
+    assert float(width) == pytest.approx(100.0, abs=1.0)
+    assert words == "gain and delay 2 of 2 with 1 T more"
 
 
 def test_trust_is_at_most_seven_plain_sentences() -> None:

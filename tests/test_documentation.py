@@ -171,7 +171,7 @@ def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
     for page, language, text in blocks:
         if language == "python":
             exec(compile(text, page, "exec"), {})  # noqa: S102
-        if language == "csv":
+        if text.startswith("serial,"):
             _lay_out_fleet(text)
         for line, command in _commands(text) if language == "sh" else ():
             if line in lines:  # a guide repeats what the README begins with

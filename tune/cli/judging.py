@@ -324,11 +324,11 @@ def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str
 
 def _felt_words(felt: Felt, change: Change, motion: Motion) -> str:
     """An effect, or the device's own mass or damping: from, to, and the steps between."""
-    from tune.presentation.tables import four_digits, units_of
+    from tune.presentation.tables import plain_number, units_of
 
     unit = units_of(motion)[felt.name.rpartition(".")[2]]
     old, new = ((side and side.value) or 0.0 for side in (change.old, change.new))
-    words = f"{_plain(felt.name)} {four_digits(old)} → {four_digits(new)} {unit}"
+    words = f"{_plain(felt.name)} {plain_number(old)} → {plain_number(new)} {unit}"
     return f"{words} ({felt.steps:+.2g} steps)"
 
 
@@ -355,7 +355,7 @@ def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> 
 
     units = units_of(motion)
     table = headed_table(
-        f"{old} -> {new}",
+        f"{old} → {new}",
         ("quantity", "unit", "old", "new", "change", "beyond"),
         right=("old", "new", "change"),
     )

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from tune.documents.scene import EFFECT_NAMES, UNITS
 from tune.optimisation.study import QUANTITIES
-from tune.presentation.tables import four_digits, headed_table
+from tune.presentation.tables import headed_table, plain_number
 
 if TYPE_CHECKING:
     import polars
@@ -119,7 +119,7 @@ def fleet_verdicts(frame: polars.DataFrame, unlike: tuple[Unlike, ...]) -> tuple
 
 def unlike_table(unlike: tuple[Unlike, ...]) -> Table:
     """What is not like the others of a fleet."""
-    numbers = ("value", "low", "high", "median", "distance")
+    numbers = ("value", "95 % interval", "median", "distance")
     table = headed_table(
         "not like the others",
         ("device", "quantity", *numbers),
@@ -128,9 +128,10 @@ def unlike_table(unlike: tuple[Unlike, ...]) -> Table:
         "deviations of the fleet",
     )
     for each in unlike[:_MOST_ROWS]:
-        middle = (each.value, each.low, each.high, each.median)
+        value, low, high, median = map(plain_number, (each.value, each.low, each.high, each.median))
         distance = "all others alike" if np.isinf(each.distance) else f"{each.distance:.1f}"
-        table.add_row(each.device, _words(each.quantity), *map(four_digits, middle), distance)
+        row = each.device, _words(each.quantity), value, f"{low} .. {high}", median, distance
+        table.add_row(*row)
     return table
 
 
@@ -155,7 +156,7 @@ def _spread_table(frame: polars.DataFrame) -> Table:
     for name in _shown(frame):
         value = frame[name].drop_nulls().to_numpy()
         median, spread = _middle(value)
-        told = (four_digits(each) for each in (value.min(), median, value.max(), spread))
+        told = (plain_number(each) for each in (value.min(), median, value.max(), spread))
         table.add_row(_words(name), str(len(value)), *told)
     return table
 
@@ -172,7 +173,7 @@ def _shown(frame: polars.DataFrame) -> list[str]:
 
 
 def _words(name: str) -> str:
-    return name.replace("_", " ")
+    return name.replace("_", " ").replace(".", " ")
 
 
 def _unit(frame: polars.DataFrame, name: str) -> str:
@@ -203,6 +204,7 @@ def fleet_picture(frame: polars.DataFrame, unlike: tuple[Unlike, ...]) -> Figure
             axis.text(each.low, 0.97, each.device, color=_UNLIKE, fontsize=7, **place)
         axis.set_xlabel(_words(name) + _unit(frame, name), fontsize=8)
         axis.tick_params(labelsize=7)
+        axis.xaxis.get_offset_text().set_fontsize(7)
         axis.yaxis.get_major_locator().set_params(integer=True)
     for axis in axes.flat[len(names) :]:
         axis.set_axis_off()

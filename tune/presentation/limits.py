@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, LimitedBy
-from tune.documents.scene import UNITS, Effects, format_number
+from tune.documents.scene import UNITS, Effects
 from tune.loop.loop import Filters, Loop, filters_of
 from tune.optimisation.region import DelayedLoops, Region
-from tune.presentation.tables import four_digits
-from tune.stability.verdict import largest, stable_values
+from tune.presentation.tables import plain_number
+from tune.stability.verdict import largest, safe_gain, stable_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -177,7 +177,7 @@ def draw_slice(axes: Axes, boundaries: Boundaries, design: Design, name: str) ->
     ):
         if most - seen > _HARDLY * {"K": top, "B": right}[symbol]:
             axes.plot(*end, color="k", lw=0.9, ls=":", clip_on=False)
-            words.append(f"{symbol} up to {format_number(most)} {units[effect]}")
+            words.append(f"{symbol} up to {plain_number(most)} {units[effect]}")
     axes.plot([B], [K], "ko", ms=6, clip_on=False, zorder=5)
     alone = f"alone, plane M = {M:.3g} {units['mass']}; dotted, to the whole margin:"
     set_small_title(axes, f"{alone}\n{' or '.join(words) or 'nothing is left'}")
@@ -239,7 +239,7 @@ def uses_of(design: Design, name: str) -> tuple[Use, ...]:
     for effect, reason in element.limited_by.items():
         bound[reason] = (*bound.get(reason, ()), effect)
     found = (
-        *_margin_uses(design, element),
+        *_margin_uses(design, name),
         *_force_uses(design, name, units["force"]),
         *_felt_uses(design, element),
     )
@@ -250,13 +250,27 @@ def uses_of(design: Design, name: str) -> tuple[Use, ...]:
     )
 
 
-def _margin_uses(design: Design, element: ElementProfile) -> _Found:
+def _late_gain(design: Design, name: str) -> float:
+    """Gain up to which every moment with an element is stable with the margin's extra delay."""
+    from tune.verification.law import effects_of
+
+    corners = Boundaries.of(design).corners
+    moments = [effects_of(design, each) for each in design.moments() if name in each]
+    return float(min(np.min(safe_gain(each.loop, m)) for each in corners for m in moments))
+
+
+def _margin_uses(design: Design, name: str) -> _Found:
+    element = design.elements[name]
     margin, own = design.margin, element.margins
     if own.gain > 0:
         part = margin.gain / own.gain
         yield "gain margin", "gain-margin", part, f"{margin.gain:g} of {own.gain:.3g}"
-    if margin.extra_delay_samples and own.extra_delay_samples > 0:
-        wanted, most = margin.extra_delay_samples, own.extra_delay_samples
+    wanted, most = margin.extra_delay_samples, own.extra_delay_samples
+    if "delay-margin" in element.limited_by.values():
+        late = _late_gain(design, name)
+        words = f"{margin.gain:g} of {late:.3g} with {wanted:g} T more"
+        yield "gain and delay", "delay-margin", margin.gain / late, words
+    elif wanted and most > 0:
         yield "extra delay", "delay-margin", wanted / most, f"{wanted:g} of {most:g} T"
     if own.absolute_gain:
         part = margin.gain / own.absolute_gain
@@ -360,7 +374,7 @@ def effect_uses(design: Design) -> list[EffectUse]:
             found.append(
                 EffectUse(
                     name=f"{name} {effect}",
-                    value=f"{four_digits(value)} {units[effect]}" if value else "not played",
+                    value=f"{plain_number(value)} {units[effect]}" if value else "not played",
                     steps=element.perceived_steps.get(effect, 0.0),
                     reason=reason,
                     limit=limit if value else None,

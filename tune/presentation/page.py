@@ -9,7 +9,6 @@ from importlib.metadata import version
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
-from tune.documents.profile import Design, LimitedBy
 from tune.documents.scene import UNITS
 from tune.exporters import NOT_A_SAFETY_FUNCTION
 from tune.presentation.limits import Boundaries, effect_uses
@@ -52,7 +51,6 @@ def report_html(
             "used": effect_uses(safe),
             "effects": plain_table(effects_table(safe, everything=True)),
             "notes": safe.notes,
-            "limits": _limits(safe),
             "pictures": list(_pictures(safe)),
             "device": plain_table(device_table(safe.device)),
             "log_pictures": [] if found is None else [_fit(safe, found)],
@@ -105,14 +103,6 @@ def plain_table(table: Table) -> dict[str, object]:
     }
 
 
-def _limits(design: Design) -> list[tuple[LimitedBy, str]]:
-    """(limit, which effects it binds), each limit once."""
-    bound: dict[LimitedBy, list[str]] = {}
-    for each in effect_uses(design):
-        bound.setdefault(each.reason, []).append(each.name)
-    return [(reason, ", ".join(effects)) for reason, effects in bound.items()]
-
-
 def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     """Whose profile it is, of when, and every fact that a person stated for it."""
     from matplotlib.ticker import EngFormatter
@@ -137,10 +127,8 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     yield "force limit, continuous and peak", most
     modes = ", ".join(told(mode.frequency_hz, "Hz") for mode in device.modes)
     yield "vibration modes", modes or "none"
-    yield (
-        "lag of the drive",
-        "none" if device.current_lag is None else told(device.current_lag, "s"),
-    )
+    lag = device.current_lag
+    yield "lag of the drive", "none" if lag is None else told(lag, "s")
     grip = "none" if hand is None else ", ".join(told(each, units[name]) for name, each in hand)
     yield "hand", grip
     yield "identified", device_line(device).partition(": ")[2]
@@ -240,8 +228,8 @@ def _log_lines(safe: SafeProfile, found: Identification | None) -> Iterator[str]
 def _trusted(safe: SafeProfile) -> Iterator[str]:
     """What no calculation can confirm, in plain words: seven sentences at most."""
     device, seal = safe.device, safe.certificate
-    assumed = ", ".join(name.replace("_", " ") for name in device.assumed())
-    only = f", where the {assumed} were only assumed" if assumed else ""
+    assumed = " and the ".join(name.replace("_", " ") for name in device.assumed())
+    only = f", only assumed for the {assumed}" if assumed else ""
     yield f"The facts on the first page are those of this device{only}."
     if device.logs:
         units = UNITS[device.motion]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from identification import legend_above
 from tune.documents.profile import Design, SafeProfile
-from tune.documents.scene import UNITS, format_number
+from tune.documents.scene import UNITS
 from tune.presentation.limits import (
     Boundaries,
     draw_effect_uses,
@@ -20,6 +20,7 @@ from tune.presentation.limits import (
     set_small_title,
     short_name,
 )
+from tune.presentation.tables import plain_number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -211,7 +212,7 @@ def sizes_in_words(design: Design, name: str) -> str:
     """An element and its effects with their units."""
     units, element = UNITS[design.device.motion], design.elements[name]
     sizes = ", ".join(
-        f"{symbol} = {format_number(getattr(element, effect))} {units[effect]}"
+        f"{symbol} = {plain_number(getattr(element, effect))} {units[effect]}"
         for symbol, effect in (("K", "stiffness"), ("B", "damping"), ("M", "mass"))
         if getattr(element, effect)
     )

@@ -92,7 +92,7 @@ def effects_table(profile: SafeProfile, *, everything: bool = False) -> Table:
         ripple = "-" if noise is None else f"{noise:.2g} {units['force']}"
         for effect, reason in element.limited_by.items():
             value: float = getattr(element, effect)
-            size = f"{value:.6g}" if everything else four_digits(value)
+            size = plain_number(value, 6 if everything else 4)
             table.add_row(
                 f"{name} {effect}",
                 f"{size} {units[effect]}" if value else "-",
@@ -105,10 +105,10 @@ def effects_table(profile: SafeProfile, *, everything: bool = False) -> Table:
     return table
 
 
-def four_digits(value: float) -> str:
-    """Four digits at least, without an exponent where people write none."""
-    large = 1e4 <= abs(value) < 1e7
-    return f"{value:.0f}" if large else f"{value:.4g}"
+def plain_number(value: float, digits: int = 4, sign: str = "") -> str:
+    """So many digits at least, without an exponent where people write none."""
+    large = 10**digits <= abs(value) < 1e7
+    return f"{value:{sign}.0f}" if large else f"{value:{sign}.{digits}g}"
 
 
 def changed_effects(before: Mapping[str, Any], profile: SafeProfile) -> str:
@@ -123,7 +123,7 @@ def changed_effects(before: Mapping[str, Any], profile: SafeProfile) -> str:
         for effect, unit in ((each, units[each]) for each in EFFECT_NAMES):
             then, now = had.get(effect) or 0.0, 0.0 if element is None else getattr(element, effect)
             if isinstance(then, int | float) and then != now:
-                lines.append(f"{name} {effect} {four_digits(then)} → {four_digits(now)} {unit}")
+                lines.append(f"{name} {effect} {plain_number(then)} → {plain_number(now)} {unit}")
     return "\n".join(lines)
 
 
@@ -143,7 +143,8 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
         if rendered is None:
             continue
         parts = [
-            f"{effect} {mean:+.3g} {units[effect]} ({_between(motion)}; {_between(beyond)})"
+            f"{effect} {plain_number(mean, 3, '+')} {units[effect]} "
+            f"({_between(motion)}; {_between(beyond)})"
             for effect, mean, motion, beyond in (
                 ("mass", rendered.mass, rendered.mass_in_motion, rendered.mass_beyond),
                 ("damping", rendered.damping, rendered.damping_in_motion, rendered.damping_beyond),
@@ -157,7 +158,7 @@ def _rendered_lines(profile: SafeProfile) -> tuple[str, ...]:
 
 
 def _between(ends: tuple[float, float]) -> str:
-    return f"{ends[0]:+.3g} to {ends[1]:+.3g}"
+    return " to ".join(plain_number(end, 3, "+") for end in ends)
 
 
 def filters_in_words(loop: LoopProfile) -> str:
@@ -190,7 +191,7 @@ def candidates_table(
     told = {(row.element, row.effect, row.candidate): row for row in rows}
     for element, effect in dict.fromkeys((row.element, row.effect) for row in rows):
         cells = [told.get((element, effect, name)) for name in marked]
-        values = [four_digits(each.value) if each and each.value else "-" for each in cells]
+        values = [plain_number(each.value) if each and each.value else "-" for each in cells]
         table.add_row(f"{element} {effect}, {units[effect]}", *values)
         table.add_row(
             "  steps", *("-" if each is None else f"{each.steps.value:.3g}" for each in cells)
@@ -275,10 +276,10 @@ def _contact_words(contact: Contact, units: dict[str, str], speed: str) -> tuple
     if contact.lead is not None:
         side = "before" if contact.lead >= 0 else "behind"
         parts.append(f"met up to {abs(contact.lead):.2g} {length} {side} its place at {speed}")
-    if contact.net_damping is not None:
-        parts.append(f"damps by {contact.net_damping:.3g} {units['damping']} net of its lag")
-    if contact.force_on_entry:
-        parts.append(f"{contact.force_on_entry:.3g} {units['force']} on entry at {speed}")
+    if (net := contact.net_damping) is not None:
+        parts.append(f"damps by {plain_number(net, 3)} {units['damping']} net of its lag")
+    if force := contact.force_on_entry:
+        parts.append(f"{plain_number(force, 3)} {units['force']} on entry at {speed}")
     if contact.energy_per_entry is not None:
         parts.append(f"up to {contact.energy_per_entry:.2g} J an entry at {speed}")
     return tuple(parts)

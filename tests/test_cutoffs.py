@@ -71,6 +71,24 @@ def test_no_cutoffs_found_from_outside_are_a_percent_better(
     assert products[0] >= 0.99 * products[1]
 
 
+def test_a_wall_whose_damper_vanishes_beside_a_cut_off_is_tuned() -> None:
+    """A slope by the cut-off was minus infinity, and the search for it ended in a traceback."""
+    device = Device(
+        name="drawn",
+        motion="linear",
+        sample_time=quantity(2.5e-4),
+        delay=quantity(1.25e-4),
+        encoder_resolution=quantity(5.425e-7),
+        force_limit=ForceLimit(continuous=8.035, peak=75.12),
+        mass=quantity(0.1282),
+        damping=quantity(0.9371),
+        coulomb_friction=quantity(0.1474),
+    )
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True}
+    scene = Scene.model_validate({"elements": {"wall": wall}, "margin": "conservative"})
+    assert optimise(as_stored(device), scene).elements["wall"].stiffness > 25_000
+
+
 def test_a_range_no_filter_allows_is_refused_as_before() -> None:
     with pytest.raises(NoFeasibleEffectError, match="range starts at 2000"):
         optimise(

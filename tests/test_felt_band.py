@@ -70,7 +70,7 @@ def test_a_mass_one_can_use_is_felt_as_one_on_400_frequencies(
 def test_a_peak_of_what_is_felt_near_20_hertz_is_kept_within_its_limit() -> None:
     """A pair of poles that rings puts it between two of few frequencies: check refused it."""
     loop = {"velocity_filter_hz": "none", "acceleration_filter_hz": 23.52}
-    element = dict.fromkeys(("stiffness", "damping", "mass"), "max")
+    element = {"stiffness": "max", "damping": "max", "mass": "max"}
     profile = _tuned("homerehab", element, **loop, filter_damping_ratio=0.5)
     assert profile.elements["it"].mass > 0.9
     assert _broken("homerehab", profile) == []

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import product
+from typing import ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,13 @@ from tune.rendering import force_ripple
 from tune.stability.verdict import last_within, stable_values
 
 FloatArray = NDArray[np.float64]
+_Given = ParamSpec("_Given")
+_Answer = TypeVar("_Answer")
+
+
+def remembered(function: Callable[_Given, _Answer]) -> Callable[_Given, _Answer]:
+    """The function, with its last answers kept; devices, which are frozen, may be asked about."""
+    return cast("Callable[_Given, _Answer]", lru_cache(maxsize=8)(function))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,9 +86,12 @@ class Region:
         compare=False,
     )
 
-    @classmethod
-    def of(cls, device: Device, hand: Hand | None, *, extra: int) -> Region:
+    @staticmethod
+    @remembered
+    def of(device: Device, hand: Hand | None, *, extra: int) -> Region:
         """The simultaneous box of a device, to be judged with up to ``extra`` samples of delay.
+
+        Kept, with its plants, for who asks about the same device again.
 
         Raises:
             LoopError: a delay too long for its margin to be judged.
@@ -94,7 +106,7 @@ class Region:
                 "sample time"
             )
         held = device.presliding_stiffness
-        return cls(
+        return Region(
             box=box,
             modes=device.modes,
             current_lag=device.current_lag,
@@ -250,12 +262,13 @@ class Loops:
         default_factory=dict[tuple[EffectName, int, str, float], float], init=False, repr=False
     )
 
-    @classmethod
-    def of(cls, device: Device, region: Region, filters: Filters, extra: float) -> Loops:
+    @staticmethod
+    @remembered
+    def of(device: Device, region: Region, filters: Filters, extra: float) -> Loops:
         """The loops of a device, with up to ``extra`` samples of delay on top of its own."""
         loops = region.loops(filters, extra)
         later = (device.delay.high - device.delay.value) / device.sample_time.value
-        return cls(
+        return Loops(
             region=region,
             filters=filters,
             late=_side_by_side([one.loop for one in loops]),

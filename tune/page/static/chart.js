@@ -40,7 +40,7 @@ export function chart(where, { title, x, y = {}, lines, points = [], spans = [],
   const text = (left, top, words, anchor = "middle") =>
     `<text x="${left}" y="${top}" text-anchor="${anchor}">${escaped(words)}</text>`;
   const drawn = [
-    ...ticks(ex, x.scale).map((value) => `<path class="grid" d="M${px(value)} ${TOP}V${floor}"/>${text(px(value), floor + 14, value)}`),
+    ...ticks(ex, x.scale).filter((value, row, all) => row % 2 === 0 || px(value) - px(all[row - 1]) > 30).map((value) => `<path class="grid" d="M${px(value)} ${TOP}V${floor}"/>${text(px(value), floor + 14, value)}`),
     ...ticks(ey, y.scale).map((value) => `<path class="grid" d="M${LEFT} ${py(value)}H${width - RIGHT}"/>${text(LEFT - 5, +py(value) + 4, value, "end")}`),
     ...lines.map(({ x: across, y: up, kind }) => {
       const path = across.flatMap((value, row) => (up[row] === null ? [] : [`${px(value)} ${py(up[row])}`]));
@@ -51,9 +51,9 @@ export function chart(where, { title, x, y = {}, lines, points = [], spans = [],
       const size = Math.max(px(to) - px(from), 2);
       return `<rect class="span" x="${px(from)}" width="${size}" y="${TOP}" height="${floor - TOP}"/>${text(px(from), TOP + 12, words, "start")}`;
     }),
-    ...points.map(({ x: at, y: up, words, now }) => {
+    ...points.map(({ x: at, y: up, words, now }, row) => {
       const last = px(at) > width - 90;
-      const name = text(+px(at) + (last ? -8 : 8), py(up) - 6, words, last ? "end" : "start");
+      const name = text(+px(at) + (last ? -8 : 8), py(up) - 6 - 11 * (row % 3), words, last ? "end" : "start");
       return `<circle class="point ${now ? "now" : ""}" r="${now ? 5 : 4}" cx="${px(at)}" cy="${py(up)}"/>${name}`;
     }),
     text((LEFT + width - RIGHT) / 2, height - 4, x.label),

@@ -201,8 +201,10 @@ def as_stored(document: _Model) -> _Model:
     return type(document).model_validate(to_mapping(document))
 
 
-def load_mapping(path: str | PathLike[str]) -> dict[str, Any]:
+def load_mapping(path: str | PathLike[str], text: str | None = None) -> dict[str, Any]:
     """The mapping in a YAML file, read without executing, aliasing or duplicating anything.
+
+    A text is what the file is to hold; without one it is read.
 
     Raises:
         InvalidInputError: unreadable, too large, not UTF-8, not YAML, too deep, not a mapping, or
@@ -210,9 +212,8 @@ def load_mapping(path: str | PathLike[str]) -> dict[str, Any]:
     """
     from ruamel.yaml.error import YAMLError
 
-    text = _read(Path(path))
     try:
-        content: object = _loader().load(text)
+        content: object = _loader().load(_read(Path(path)) if text is None else text)
     except _UnsafeError as error:
         remedy = "Write the values out, one mapping of names"
         raise InvalidInputError(path, str(error), remedy) from None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Generator
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from http.client import HTTPConnection
 from pathlib import Path
@@ -69,10 +69,16 @@ class Served:
         return found
 
     def run(self, *words: str) -> dict[str, Any]:
-        """The result of a command, its stages left out."""
-        *stages, last = self.ask("run/", list(words)).body.decode().splitlines()
-        assert all(json.loads(each).keys() == {"stage"} for each in stages)
-        return json.loads(last)["result"]
+        """The result of a command."""
+        return self.ask("run/", list(words)).json
+
+    def stages(self) -> Iterator[str]:
+        """What runs, moment by moment, "" for nothing."""
+        line = HTTPConnection("127.0.0.1", self.port, timeout=60)
+        line.request("GET", f"/{self.token}/alive/")
+        with closing(line), line.getresponse() as beats:
+            while beat := beats.readline():
+                yield beat.decode().strip()
 
 
 @contextmanager

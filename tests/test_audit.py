@@ -58,6 +58,29 @@ def test_a_profile_with_tracking_filters_is_judged_as_it_was_certified() -> None
     assert details["gain_margin"] == pytest.approx(it.margins.gain, rel=2e-3)
 
 
+def test_a_wall_of_a_profile_is_judged_as_a_wall_that_is_cut(tmp_path: Path) -> None:
+    """As another element it would hold 25 N where the actuator gives 14; it is cut there."""
+    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
+    wall = {"stiffness": 3000.0, "damping": 30.0, "one_sided": True}
+    scene = Scene.model_validate({"elements": {"wall": wall}, "loop": loop})
+    path = tmp_path / "profile.yaml"
+    path.write_text(optimise(load_device("homerehab"), scene).to_yaml())
+    softer = ("audit", "homerehab", "--stiffness", "2500", "--damping", "30", "--json")
+    plain = haptune(*softer, "--velocity-filter", "50").result["details"]
+    assert {each["limit"] for each in plain["faults"]} == {"force"}
+    ended = haptune(*softer, "--like", f"{path},wall")
+    assert ended.code == 0, ended.err
+    assert ended.result["details"]["sustained_force"] is None
+    assert ended.result["details"]["loop"]["velocity_filter_hz"] == 50.0
+    assert ended.result["details"]["gain_margin"] == plain["gain_margin"]
+    stiff = haptune(*softer[:2], "--stiffness", "60000", "--like", f"{path},wall", "--json")
+    assert stiff.code == 6
+    assert {each["limit"] for each in stiff.result["details"]["faults"]} == {"stability"}
+    strange = haptune(*softer, "--like", f"{path},door")
+    assert strange.code == 2
+    assert "door is no element of it" in strange.err
+
+
 def test_without_filters_the_encoder_is_why_it_is_not_fit() -> None:
     ended = haptune("audit", "homerehab", *PAPER)
     assert ended.code == 6

@@ -25,6 +25,17 @@ SCENE = {
 }
 
 
+#: Of which element a slider is.
+STATE = {"device": "device.yaml", "profile": "profile.yaml", "element": "rubber"}
+
+
+def command_of(state: dict[str, object]) -> list[str]:
+    """The audit of gains as those of an element, in words."""
+    options = {f"--{key.replace('_', '-')}": str(value) for key, value in state.items()}
+    words = ["audit", "device.yaml", "--like", "profile.yaml,rubber", "--json"]
+    return words + [word for pair in options.items() for word in pair]
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a device and a profile, a secret beside it, and a link to that."""
@@ -98,16 +109,13 @@ def test_no_path_leads_out_of_the_folder(page: Served, folder: Path, path: str) 
     scene = {"schema": "haptune/scene/1", "elements": {"water": {"damping": 10.0}}}
     answers = [
         page.ask(f"file/{path}"),
-        page.ask("read/", {"file": name}),
-        page.ask("log/", {"file": name}),
-        page.ask("move/", {"device": name, "profile": "profile.yaml", "damping": 1.0}),
-        page.ask("move/", {"device": "device.yaml", "profile": name, "damping": 1.0}),
-        page.ask("save/", {"kind": "scene", "file": name, "content": scene}),
-        page.ask(
-            "save/",
-            {"kind": "scene", "file": "own.yaml", "content": scene | {"perception": name}},
-        ),
-        page.ask(f"drop/{path}", b"time,force,position\n", method="PUT"),
+        page.ask("show/document", {"file": name}),
+        page.ask("show/log", {"file": name}),
+        page.ask("show/moved", STATE | {"device": name, "damping": 1.0}),
+        page.ask("show/moved", STATE | {"profile": name, "damping": 1.0}),
+        page.ask(f"file/{path}", scene, method="PUT"),
+        page.ask("file/own.yaml", scene | {"perception": name}, method="PUT"),
+        page.ask("file/up/new.csv", b"time,force,position\n", method="PUT"),
         page.ask("run/", ["tune", "device.yaml", name]),
         page.ask("run/", ["tune", "device.yaml", "scene.yaml", "-o", name]),
         page.ask("run/", ["identify", "log.csv", "--hardware", name]),
@@ -123,7 +131,9 @@ def test_no_path_leads_out_of_the_folder(page: Served, folder: Path, path: str) 
         ["tune", "device.yaml", "scene.yaml", "--output=../p.yaml"],
         ["tune", "device.yaml", "scene.yaml", "-o../p.yaml"],
         ["tune", "device.yaml", "scene.yaml", "-o", "--what-if"],
-        ["export", "profile.yaml", "--to", "c", "--", "../x"],
+        ["export", "profile.yaml", "--to=c", "--", "../x"],
+        ["export", "profile.yaml", "-o", "--to=x/../../out"],
+        ["identify", "log.csv", "--time=t", "-o", "-o", "../x"],
         ["simulate", "homerehab", "-o", "log.csv"],
         ["open", "."],
     ],
@@ -135,10 +145,12 @@ def test_only_what_the_page_offers_can_be_run(page: Served, folder: Path, words:
 
 
 def test_only_logs_are_dropped_and_what_stood_there_is_kept(page: Served, folder: Path) -> None:
-    assert page.ask("drop/.bashrc", b"x", method="PUT").status == 403
-    assert page.ask("drop/device.yaml", b"x", method="PUT").status == 403
-    assert page.ask("drop/new.csv", b"one", method="PUT").json == {"backup": ""}
-    assert page.ask("drop/new.csv", b"two", method="PUT").json == {"backup": "new.csv.bak"}
+    before = (folder / "device.yaml").read_bytes()
+    assert page.ask("file/.bashrc", b"x", method="PUT").status == 403
+    assert page.ask("file/device.yaml", before, method="PUT").status == 422
+    assert (folder / "device.yaml").read_bytes() == before
+    assert page.ask("file/new.csv", b"one", method="PUT").json == {"backup": ""}
+    assert page.ask("file/new.csv", b"two", method="PUT").json == {"backup": "new.csv.bak"}
     assert (folder / "new.csv.bak").read_bytes() == b"one"
 
 
@@ -172,28 +184,26 @@ def shown(row: str) -> list[tuple[float, float]]:
     "state",
     [
         {"stiffness": 900.0, "damping": 20.0},
-        {"stiffness": 1234.5, "damping": 33.3, "velocity_filter_hz": 41.7},
+        {"stiffness": 1234.5, "damping": 33.3, "velocity_filter": 41.7},
         {"damping": -4.0, "margin": "conservative", "extra_delay_samples": 1.5},
         {"stiffness": 30000.0},
-        {"mass": 0.4, "damping": 25.0, "acceleration_filter_hz": 25.0, "margin": "firm"},
+        {"mass": 0.4, "damping": 25.0, "acceleration_filter": 25.0, "margin": "firm"},
     ],
 )
 def test_every_number_is_that_of_the_command_in_all_digits(
     page: Served, folder: Path, monkeypatch: pytest.MonkeyPatch, state: dict[str, object]
 ) -> None:
     monkeypatch.chdir(folder)
-    asked = {"device": "device.yaml", "profile": "profile.yaml", **state}
-    moving, resting = (page.ask("move/", asked | {"proved": each}).json for each in (False, True))
-    ended = haptune(*resting["command"], "--json")
+    asked = STATE | state
+    moving, resting = (
+        page.ask("show/moved", asked | {"proved": each}).json for each in (False, True)
+    )
+    ended = haptune(*command_of(state))
     details = ended.result["details"]
-    assert moving["command"] == resting["command"]
     assert not moving["safe"]
-    assert moving["nearest"] == []
     assert resting["safe"] is details["safe"] is (ended.code == 0)
-    nearest = dict(zip(("stiffness", "damping", "mass"), resting["nearest"], strict=False))
-    assert {key: item for key, item in nearest.items() if item} == {
-        key: item for key, item in (details["nearest"] or {}).items() if item
-    }
+    faults = [f"{each['limit']}: {each['seen']}" for each in details["faults"]]
+    assert [each.partition("; needed")[0] for each in resting["faults"]] == faults
     wall, ripple = details["wall"], details["ripple"]
     known = [
         *(details[key] for key in ("gain_margin", "jitter", "sustained_force", "peak_force")),
@@ -220,17 +230,11 @@ def test_the_region_is_where_the_margin_of_the_command_ends(
     page: Served, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
-    asked = {"device": "device.yaml", "profile": "profile.yaml", "stiffness": 500.0}
-    told = page.ask("move/", asked | {"damping": 20.0}).json
-    region, velocity = told["region"], told["command"].index("--velocity-filter") + 1
-    place = 12
-    damping, edge = region["damping"][place], region["safe"][place]
+    told = page.ask("show/moved", STATE | {"stiffness": 500.0, "damping": 20.0}).json
+    damping, edge = told["region"][0][12], told["region"][3][12]
     assert damping > 0
     for factor, kept in ((0.995, True), (1.005, False)):
-        ended = haptune(
-            *("audit", "device.yaml", "--velocity-filter", told["command"][velocity], "--json"),
-            *("--damping", repr(damping), "--stiffness", repr(factor * edge)),
-        )
+        ended = haptune(*command_of({"damping": damping, "stiffness": factor * edge}))
         faults = {each["limit"] for each in ended.result["details"]["faults"]}
         assert ("delay-margin" not in faults and "gain-margin" not in faults) is kept
 
@@ -238,11 +242,13 @@ def test_the_region_is_where_the_margin_of_the_command_ends(
 @pytest.mark.parametrize("effect", ["stiffness", "damping"])
 def test_the_answer_to_a_step_is_that_of_the_difference_equation(page: Served, effect: str) -> None:
     """A mass with damping under held forces; the law acts a sample late, on v by its difference."""
-    m, b, T, gain = 3.0, 10.0, 1e-3, 2000.0 if effect == "stiffness" else 40.0
-    asked = {"device": "device.yaml", "profile": "plain.yaml", effect: gain}
-    told = page.ask("move/", asked).json
+    box = load_device("homerehab").simultaneous_box()
+    m, b, T, gain = box.mass[0], box.damping[0], 1e-3, 2000.0 if effect == "stiffness" else 40.0
+    asked = STATE | {"profile": "plain.yaml", effect: gain}
+    told = page.ask("show/moved", asked).json
     assert told["force"] == pytest.approx(1.4)  # a tenth of what the actuator gives for long
-    across, up = (np.array(each) for each in told["step"])
+    assert len(told["step"]) == len(set(box.mass)) * len(set(box.damping))
+    across, up = (np.array(each) for each in told["step"][0])
     assert across.size > 100
     decay = np.exp(-b / m * T)
     position, speed, late = [0.0], [0.0], 0.0
@@ -269,14 +275,12 @@ def test_a_thinned_curve_has_every_extreme_and_a_finding_its_place(
     late = np.where(time_ > 30, time_ + 0.25, time_)
     table = np.column_stack([late, force, position])
     np.savetxt("long.csv", table, delimiter=",", header="time,force,position", comments="")
-    told = page.ask("log/", {"file": "long.csv"}).json
+    told = page.ask("show/log", {"file": "long.csv"}).json
     across, up = (np.array(each) for each in told["curves"]["force"])
     assert across.size < 3000
     assert np.all(np.diff(across) > 0)
     for row in rows:
         assert up[np.flatnonzero(across == late[row])] == force[row]
-    closer = page.ask("log/", {"file": "long.csv", "span": [17.3, 17.4]}).json["curves"]
-    assert np.array_equal(closer["force"][1], force[17_300:17_401])
     found = {each["code"]: each for each in page.run("doctor", "long.csv")["findings"]}
     assert found["dropped-samples"]["at"] == [[30.0, 30.251]]
 
@@ -284,12 +288,13 @@ def test_a_thinned_curve_has_every_extreme_and_a_finding_its_place(
 def test_columns_are_offered_where_names_say_nothing(page: Served, folder: Path) -> None:
     rows = "\n".join(f"{k},{k % 7},{k % 11}" for k in range(400))
     (folder / "odd.csv").write_text(f"when,push,where\n{rows}\n")
-    told = page.ask("log/", {"file": "odd.csv"}).json
+    told = page.ask("show/log", {"file": "odd.csv"}).json
     assert told["names"] == ["when", "push", "where"]
-    assert "no column" in told["problem"]
+    assert "no column" in told["reading"]
+    assert told["curves"] == {}
     columns = {"time": "when", "force": "push", "position": "where", "time_gain": 1e-3}
-    told = page.ask("log/", {"file": "odd.csv", "columns": columns}).json
-    assert told["whole"] == [0.0, pytest.approx(0.399)]
+    told = page.ask("show/log", {"file": "odd.csv", "columns": columns}).json
+    assert told["curves"]["position"][0][-1] == pytest.approx(0.399)
     assert max(told["curves"]["position"][1]) == 10
 
 
@@ -297,26 +302,43 @@ def test_a_form_is_refused_in_words_and_else_written_with_a_backup(
     page: Served, folder: Path
 ) -> None:
     facts = {"schema": "haptune/hardware/1", "motion": "linear", "sample_time": 0.001}
-    asked = {"kind": "hardware", "file": "hardware.yaml"}
-    refused = page.ask("save/", asked | {"content": facts | {"sample_time": -1}})
+    refused = page.ask("file/hardware.yaml", facts | {"sample_time": -1}, method="PUT")
     assert refused.status == 422
     assert b"sample_time" in refused.body
     assert not (folder / "hardware.yaml").exists()
-    assert page.ask("save/", asked | {"content": facts}).json["backup"] == ""
-    later = page.ask("save/", asked | {"content": facts | {"delay": 0.0}}).json
+    assert page.ask("file/hardware.yaml", facts, method="PUT").json["backup"] == ""
+    later = page.ask("file/hardware.yaml", facts | {"delay": 0.0}, method="PUT").json
     assert later["backup"] == "hardware.yaml.bak"
     assert "delay: 0.0" in (folder / "hardware.yaml").read_text()
 
 
+def test_a_scene_is_kept_as_it_was_written(page: Served, folder: Path) -> None:
+    text = b"# why: to be felt\nelements:\n  water: {damping: 10.0}\n"
+    assert page.ask("file/own.yaml", text, method="PUT").json["backup"] == ""
+    assert page.ask("show/document", {"file": "own.yaml"}).json["text"] == text.decode()
+    refused = page.ask("file/own.yaml", b"elements: {water: {damping: much}}", method="PUT")
+    assert refused.status == 422
+    assert (folder / "own.yaml").read_bytes() == text
+
+
 def test_a_command_tells_its_stages_and_can_be_ended(page: Served, folder: Path) -> None:
     (folder / "fluid.yaml").write_text(FLUID)
-    lines = page.ask("run/", ["tune", "device.yaml", "fluid.yaml", "-o", "a.yaml"]).body.decode()
-    assert "rehearsing" in lines
-    assert '"exit_code": 0' in lines
     results: list[dict[str, object]] = []
-    words = ("tune", "device.yaml", "fluid.yaml", "-o", "b.yaml")
-    running = threading.Thread(target=lambda: results.append(page.run(*words)))
-    running.start()
+
+    def begin(name: str) -> threading.Thread:
+        words = ("tune", "device.yaml", "fluid.yaml", "-o", name)
+        running = threading.Thread(target=lambda: results.append(page.run(*words)))
+        running.start()
+        return running
+
+    stages, running = set[str](), begin("a.yaml")
+    for stage in page.stages():
+        stages.add(stage)
+        if not running.is_alive():
+            break
+    assert len(stages) > 2
+    assert results.pop()["exit_code"] == 0
+    running = begin("b.yaml")
     while not page.ask("stop/", {}).json["asked"]:
         time.sleep(0.01)
     running.join()

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,20 +44,25 @@ from tune.documents.scene import (
     DEFAULT_MOTION,
     EFFECT_NAMES,
     LARGEST,
+    MARGINS,
     EffectName,
     Effects,
+    Margin,
     MarginName,
     Scene,
 )
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
-from tune.optimisation import SLACK, design_of
+from tune.optimisation import SLACK, design_of, witnesses_of
 from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
-from tune.optimisation.problem import DesignTask, Problem, pose
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
 from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
 from tune.rendering import contact, count_jump
 from tune.stability.criterion import Passivity, passivity
+
+if TYPE_CHECKING:
+    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 
@@ -93,7 +98,7 @@ class Audit(Tabular):
         delay_samples: extra delay at which every gain in (0, 1] is stable, nan if none.
         margins: of the device at its best estimate; None where it is unstable.
         passivity: Colgate and Schenkel's condition for the device in any passive hand.
-        sustained: K·penetration, N.
+        sustained: K·penetration, N; None where the force is cut at its limit.
         peak: with |B|·speed and |M|·acceleration, N.
         ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
         wall: what a free device meets that runs into these gains as a wall that only pushes; at
@@ -109,8 +114,8 @@ class Audit(Tabular):
     delay_samples: float
     margins: LoopMargins | None
     passivity: Passivity
-    sustained: float
-    peak: float
+    sustained: float | None
+    peak: float | None
     ripple: float | None
     wall: Contact
     jumps: dict[EffectName, float]
@@ -156,6 +161,7 @@ def audit(
     filters: Filters | None = None,
     margin: MarginName = "balanced",
     extra_delay_samples: float = 0.0,
+    like: tuple[Design, str] | None = None,
     proved: bool = True,
 ) -> Audit:
     """Judge K, B and M as one element of a scene, met alone, no hand.
@@ -169,6 +175,9 @@ def audit(
         filters: of the controller; None is plain backward differences.
         margin: what is asked for.
         extra_delay_samples: on top of the device's delay, from now on part of it.
+        like: a profile and the name of its element as which they are judged: a wall, cut at the
+            limit of force, in its motion, rippling as much as is allowed there. None is an element
+            that is neither, in the usual motion.
         proved: False leaves out certificate and nearest safe values, which take most of the time;
             nothing is safe then.
 
@@ -181,9 +190,12 @@ def audit(
     filters = filters or Filters()
     later = to_mapping(_as_judged(device, extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")
-    scene = parse_document(Scene, _scene_of(effects, filters, margin), "the gains and filters")
+    scene = parse_document(
+        Scene, _scene_of(effects, filters, margin, like), "the gains and filters"
+    )
     task = DesignTask.of(device, scene, default_table())
-    problem = pose(task, elements=[ELEMENT], filters=filters, felt=False)
+    cut = frozenset[str]() if like is None else may_saturate(task, [ELEMENT])
+    problem = pose(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
     (combination,) = problem.moments
     gain = worst_gain(problem, combination, sizes, late=False)
@@ -193,7 +205,7 @@ def audit(
     late = design.elements[ELEMENT].margins.extra_delay_samples
     noise = ripple(problem, combination, sizes) if stable else None
     refusal = refusal_of(device)
-    faults = tuple(_faults_of(problem, sizes, gain, noise))
+    faults = tuple(_faults_of(problem, MARGINS[margin], sizes, gain, noise))
     if refusal is not None:
         faults = (Fault(limit="device", **asdict(refusal)), *faults)
     certificate = None
@@ -205,7 +217,7 @@ def audit(
             faults = tuple(Fault("certificate", why, "proved", least) for why in error.failures)
     wall = design.elements[ELEMENT].model_copy(update={"one_sided": True})
     extra = problem.margin.extra_delay_samples
-    sustained, peak = (float(force) for force in forces(combination, sizes))
+    sustained, peak = (None if cut else float(force) for force in forces(combination, sizes))
     total = problem.effects(combination, sizes)
     used, count = used_filters(filters, total), device.encoder_resolution
     return Audit(
@@ -222,17 +234,17 @@ def audit(
         if count is None
         else count_jump(total, device.sample_time.value, count.value, filters),
         faults=faults,
-        nearest=_nearest(task, filters) if proved and faults and refusal is None else None,
+        nearest=_nearest(task, filters, cut) if proved and faults and refusal is None else None,
         certificate=certificate,
     )
 
 
 def _faults_of(
-    problem: Problem, sizes: FloatArray, gain: float, noise: float | None
+    problem: Problem, margin: Margin, sizes: FloatArray, gain: float, noise: float | None
 ) -> Iterator[Fault]:
     """Every limit that the sizes break, in words; their gain margin and ripple are known."""
     (combination,) = problem.moments
-    margin, limits = problem.margin, problem.limits
+    limits = problem.limits
     late = worst_gain(problem, combination, sizes)
     extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
     needed, smaller = f"{margin.gain:g}", "Lower the gains, or filter velocity and acceleration."
@@ -259,12 +271,14 @@ def _faults_of(
 
 def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[Design, Certificate]:
     """The gains with all the margin that can be proved, at least the one asked for."""
+    solved = replace(solved, absolute=_clamps_of(solved.problem, solved.sizes))
     for slack in (0.0, *SLACK):
-        design = as_stored(design_of(replace(task, slack=slack), filters, [solved], {}))
+        task = replace(task, slack=slack)
+        design = as_stored(design_of(task, filters, [solved], {}))
         # Whether gains in use are felt as such is told, and no fault of theirs.
         design = design.model_copy(update={"perception": None})
         try:
-            return design, certify(design)
+            return design, certify(design, witnesses=witnesses_of(task, [solved]))
         except CheckFailedError as error:
             found = (point for point in error.points if isinstance(point, WorstPoint))
             if slack == SLACK[-1] or any(p.gain == design.margin.gain for p in found):
@@ -272,15 +286,33 @@ def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[De
     raise AssertionError("the last attempt returns or raises")
 
 
-def _scene_of(effects: Effects, filters: Filters, margin: MarginName) -> dict[str, object]:
+def _clamps_of(problem: Problem, sizes: FloatArray) -> AllFound:
+    """The proved gain of the gains where their force may be cut; empty where it may not."""
+    if not any(moment.absolute for moment in problem.moments):
+        return {}
+    from tune.optimisation.saturation import prove_moments
+
+    return prove_moments(problem, sizes)
+
+
+def _scene_of(
+    effects: Effects, filters: Filters, margin: MarginName, like: tuple[Design, str] | None
+) -> dict[str, object]:
     """A scene file of these gains with these filters: its ranges are those of an audit."""
     wanted = zip(EFFECT_NAMES, effects.arrays(), strict=True)
-    gains = {name: float(size) for name, size in wanted if size is not None and size != 0}
+    asked: dict[str, object] = {
+        name: float(size) for name, size in wanted if size is not None and size != 0
+    }
     loop: dict[str, object] = {
         "velocity_filter_hz": filters.velocity_filter_hz or "none",
         "acceleration_filter_hz": filters.acceleration_filter_hz or "none",
     }
-    return {"name": "audit", "margin": margin, "elements": {ELEMENT: gains}, "loop": loop}
+    scene: dict[str, object] = {"name": "audit", "margin": margin, "loop": loop}
+    if like is not None:
+        element = like[0].elements[like[1]]
+        asked |= {"one_sided": element.one_sided, **to_mapping(element.motion)}
+        scene["ripple_limit"] = like[0].ripple_limit
+    return scene | {"elements": {ELEMENT: asked}}
 
 
 def _as_judged(device: Device, samples: float) -> Device:
@@ -291,19 +323,21 @@ def _as_judged(device: Device, samples: float) -> Device:
     return device.model_copy(update={**dict.fromkeys(device.unstated()), **later})
 
 
-def _nearest(task: DesignTask, filters: Filters) -> Effects | None:
+def _nearest(task: DesignTask, filters: Filters, cut: frozenset[str]) -> Effects | None:
     """The safe values closest to those wanted on the perceptual scale; what none is, left out."""
     gone: frozenset[str] = frozenset()
-    problem = pose(task, elements=[ELEMENT], filters=filters, felt=False)
+    problem = pose(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
     while impossible := reasons_for_nothing(problem):
         gone |= impossible.keys()
-        problem = pose(task, elements=[ELEMENT], filters=filters, gone=gone, felt=False)
+        problem = pose(task, elements=[ELEMENT], filters=filters, gone=gone, cut=cut, felt=False)
     if not problem.unknowns:
         return None
     found = largest_product(problem, backends())
     if found.sizes is None:
         return None
     sizes = round_sizes(problem, found.sizes)
+    if any(one.gain < problem.proved_gain for one in _clamps_of(problem, sizes).values()):
+        return None
     lows = np.array([unknown.low for unknown in problem.unknowns])
     return problem.effects(problem.moments[0], np.where(sizes > _MORE * lows, sizes, 0.0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
@@ -62,21 +62,32 @@ def audit_command(
         ),
     ] = None,
     filter_damping_ratio: Annotated[
-        float, Option(min=0.1, max=1.0, metavar="Z", help="Of pairs of poles; 1 is two equal ones.")
-    ] = 1.0,
+        float | None, Option(min=0.1, max=1.0, metavar="Z", help="Of pairs of poles; default 1.")
+    ] = None,
     margin: MarginOption = None,
+    like: Annotated[
+        str | None,
+        Option(
+            metavar="PROFILE,ELEMENT",
+            help="Judged as this element is: a wall, in its motion, by filters of its profile "
+            "where none are given.",
+        ),
+    ] = None,
     picture: Picture = None,
 ) -> None:
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
     from tune.certificate.certify import trusted_facts
     from tune.documents.scene import Effects
     from tune.judging import NEEDED, audit
+    from tune.loop.loop import Filters, filters_of
     from tune.presentation.tables import audit_table
 
     wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
     session.target(picture, Path(device))
     _refuse_nonsense(wanted, extra_delay_samples)
-    filters = _filters(velocity_filter, acceleration_filter, filter_damping_ratio)
+    model = _model_of(like)
+    given = (velocity_filter, acceleration_filter, filter_damping_ratio)
+    filters = _filters(*given, Filters() if model is None else filters_of(model[0].loop))
     known = ident.load_device(device)
     known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
     if extra_delay_samples * known.sample_time.value + known.delay.low < 0:
@@ -91,6 +102,7 @@ def audit_command(
             filters=filters,
             margin=margin or "balanced",
             extra_delay_samples=extra_delay_samples,
+            like=model,
         )
     session.details |= _audit_details(found)
     session.details["taken_on_trust"] = trusted = trusted_facts(found.design.device)
@@ -107,6 +119,20 @@ def audit_command(
     nearest = " ".join(f"--{name} {value:.6g}" for name, value in _nearest(found).items() if value)
     words = f"nearest safe values: {nearest}" if nearest else "no safe value was found"
     raise CheckFailedError((*faults, words))
+
+
+def _model_of(like: str | None) -> tuple[SafeProfile, str] | None:
+    """The profile and the name of its element that are given as one."""
+    from tune.documents.profile import load_profile
+
+    if like is None:
+        return None
+    path, _, name = like.rpartition(",")
+    profile = load_profile(path or like)
+    if name not in profile.elements:
+        known = ", ".join(profile.elements)
+        raise UsageError("--like", f"{name} is no element of it", f"Give PROFILE,ELEMENT: {known}")
+    return profile, name
 
 
 def _refuse_nonsense(wanted: dict[str, float], extra: float) -> None:
@@ -131,13 +157,15 @@ def _refuse_beyond(option: str, value: float) -> None:
         raise UsageError(option, seen, "Give a number within, or leave it out")
 
 
-def _filters(velocity: str | None, acceleration: str | None, ratio: float) -> Filters:
-    """The filters that are given as a cut-off, Hz, or with their kind and order behind it."""
+def _filters(
+    velocity: str | None, acceleration: str | None, ratio: float | None, others: Filters
+) -> Filters:
+    """The filters given as a cut-off, Hz, or with kind and order behind it; else the others."""
     from tune.documents.estimators import DERIVATIVES, strange_order
     from tune.documents.scene import LoopFreedom
-    from tune.loop.loop import Filters
+    from tune.loop.loop import filter_of
 
-    settings: dict[str, Any] = {"filter_damping_ratio": ratio}
+    settings: dict[str, Any] = {} if ratio is None else {"filter_damping_ratio": ratio}
     for which, text in zip(DERIVATIVES, (velocity, acceleration), strict=True):
         if text is None:
             continue
@@ -151,15 +179,17 @@ def _filters(velocity: str | None, acceleration: str | None, ratio: float) -> Fi
             remedy = "Give Hz above zero, or leave it out"
             raise UsageError(option, f"{first} is no cut-off", remedy)
         _refuse_beyond(option, hertz)
-        kind = kind or "low-pass"
+        known, _, usual = filter_of(others, which)
+        kind = kind or known
         if kind not in {"low-pass", "tracking"}:
             raise UsageError(option, f"{kind} is no kind", "Give low-pass or tracking")
-        usual = LoopFreedom.model_validate({name: kind}).kind(which)[1]
+        if kind != known:
+            usual = LoopFreedom.model_validate({name: kind}).kind(which)[1]
         number: object = int(order) if order.isdecimal() else order or usual
         if wrong := strange_order(which, cast("FilterKind", kind), number):
             raise UsageError(option, wrong, "Give another order, or leave it out")
         settings |= {name: kind, f"{name}_hz": hertz, f"{name}_order": number}
-    return Filters(**settings)
+    return replace(others, **settings)
 
 
 def _nearest(found: Audit) -> dict[str, float]:

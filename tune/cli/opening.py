@@ -14,13 +14,9 @@ from tune.cli.session import Session, command
 @command()
 def open_command(
     session: Session,
-    folder: Annotated[Path, Argument(help="Its logs and files are shown; default: this one.")] = (
-        Path()
-    ),
+    folder: Annotated[Path, Argument(help="Its files are shown; default: this one.")] = Path(),
     port: Annotated[int, Option(min=0, max=65535, help="0 takes any that is free.")] = 0,
-    no_browser: Annotated[
-        bool, Option("--no-browser", help="Only print the address; open it yourself.")
-    ] = False,
+    no_browser: Annotated[bool, Option("--no-browser", help="Only print the address.")] = False,
 ) -> None:
     """Serve a page on this machine alone, until Ctrl-C or the last closed tab."""
     import webbrowser

@@ -167,8 +167,8 @@ class AuditDetails(Details, total=False):
     gain_margin: float | None
     extra_delay_samples: float | None
     jitter: float
-    sustained_force: float
-    peak_force: float
+    sustained_force: float | None
+    peak_force: float | None
     ripple: float | None
     one_count: dict[str, float]
     wall: dict[str, Any]

@@ -159,14 +159,20 @@ def _proposed(
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
-    found, witnesses = _proved(solutions), dict[str, AbsoluteStability]()
-    if found:
-        from tune.optimisation.saturation import witness_of
+    return task, as_stored(design), witnesses_of(task, solutions)
 
-        kept, slack = MARGINS[task.scene.margin], task.slack
-        for names, one in found.items():
-            witnesses[" + ".join(names)] = as_stored(witness_of(one, kept, slack))
-    return task, as_stored(design), witnesses
+
+def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
+    """What proves the clamps of solutions, by moment, as stored; nothing where none is reached."""
+    found = _proved(solutions)
+    if not found:
+        return {}
+    from tune.optimisation.saturation import witness_of
+
+    kept, slack = MARGINS[task.scene.margin], task.slack
+    return {
+        " + ".join(names): as_stored(witness_of(one, kept, slack)) for names, one in found.items()
+    }
 
 
 def _proved(solutions: Sequence[Solution]) -> AllFound:

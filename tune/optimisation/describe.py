@@ -166,9 +166,16 @@ def bindings(
     """The constraint that keeps each of some effects from being larger, the others as they are.
 
     Where effects were stepped back for the proof of clamps, this binds those that no limit meets.
+    One that is as large as was wanted is limited by that, whatever else it meets.
     """
-    near = {index: float(sizes[index]) * _NEAR for index in indices}
-    bounds = _bounds(problem, sizes, near)
+    bounds: dict[int, dict[LimitedBy, float]] = {
+        index: {"wanted": unknown.high}
+        for index in indices
+        if (unknown := problem.unknowns[index]).wish.kind == "value"
+        and sizes[index] >= unknown.high * (1 - _BINDS)
+    }
+    near = {i: float(sizes[i]) * _NEAR for i in indices if i not in bounds}
+    bounds |= _bounds(problem, sizes, near)
     open_ = [index for index, found in bounds.items() if not found]
     bounds |= {index: {"saturation": near[index]} for index in stepped_back.intersection(open_)}
     bounds |= _bounds(problem, sizes, {i: np.inf for i in open_ if i not in stepped_back})

@@ -185,7 +185,7 @@ class DesignTask:
         """The loops with these filters at all corners, to the margin's extra delay."""
         if filters not in self._loops:
             extra = MARGINS[self.scene.margin].extra_delay_samples
-            self._loops[filters] = Loops.of(self.region, filters, extra)
+            self._loops[filters] = Loops.of(self.device, self.region, filters, extra)
         return self._loops[filters]
 
     def subsets(self, element: str) -> list[tuple[str, ...]]:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import product
+from typing import ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,13 @@ from tune.rendering import force_ripple
 from tune.stability.verdict import last_within, stable_values
 
 FloatArray = NDArray[np.float64]
+_Given = ParamSpec("_Given")
+_Answer = TypeVar("_Answer")
+
+
+def remembered(function: Callable[_Given, _Answer]) -> Callable[_Given, _Answer]:
+    """The function, with its last answers kept; devices, which are frozen, may be asked about."""
+    return cast("Callable[_Given, _Answer]", lru_cache(maxsize=8)(function))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +71,6 @@ class Region:
         presliding: stiffness of friction that holds before it slides, N/m above zero, or None.
         hand: grips; the device alone is in the region in any case.
         found: points between the corners that were worse than they.
-        nominal: the device at its best estimate and longest delay, alone and in the hand if any.
     """
 
     box: Box
@@ -71,7 +79,6 @@ class Region:
     presliding: tuple[float, float] | None = None
     hand: Hand | None = None
     found: tuple[PlantPoint, ...] = ()
-    nominal: tuple[SampledPlant, ...] = field(default=(), repr=False, compare=False)
     _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
         default_factory=dict[tuple[float, float], tuple[SampledPlant, ...]],
         init=False,
@@ -79,9 +86,12 @@ class Region:
         compare=False,
     )
 
-    @classmethod
-    def of(cls, device: Device, hand: Hand | None, *, extra: int) -> Region:
+    @staticmethod
+    @remembered
+    def of(device: Device, hand: Hand | None, *, extra: int) -> Region:
         """The simultaneous box of a device, to be judged with up to ``extra`` samples of delay.
+
+        Kept, with its plants, for who asks about the same device again.
 
         Raises:
             LoopError: a delay too long for its margin to be judged.
@@ -96,16 +106,12 @@ class Region:
                 "sample time"
             )
         held = device.presliding_stiffness
-        later = (device.delay.high - device.delay.value) / device.sample_time.value
-        return cls(
+        return Region(
             box=box,
             modes=device.modes,
             current_lag=device.current_lag,
             presliding=None if held is None else (held.low, held.high),
             hand=hand,
-            nominal=tuple(
-                SampledPlant.of(device, each, later) for each in ((None, hand) if hand else (None,))
-            ),
         )
 
     def loops(self, filters: Filters, extra: float) -> tuple[DelayedLoops, ...]:
@@ -208,6 +214,14 @@ class Region:
             )
 
 
+@remembered
+def _nominal_plants(device: Device, hand: Hand | None) -> tuple[SampledPlant, ...]:
+    """The device at its best estimate and longest delay, alone and in the hand if there is one."""
+    later = (device.delay.high - device.delay.value) / device.sample_time.value
+    grips = (None,) if hand is None else (None, hand)
+    return tuple(SampledPlant.of(device, grip, later) for grip in grips)
+
+
 def _pair(interval: Quantity) -> tuple[float, float]:
     return interval.low, interval.high
 
@@ -256,12 +270,14 @@ class Loops:
         default_factory=dict[tuple[EffectName, int, str, float], float], init=False, repr=False
     )
 
-    @classmethod
-    def of(cls, region: Region, filters: Filters, extra: float) -> Loops:
-        """The loops of a region, with up to ``extra`` samples of delay on top of its own."""
+    @staticmethod
+    @remembered
+    def of(device: Device, region: Region, filters: Filters, extra: float) -> Loops:
+        """The loops of a device, with up to ``extra`` samples of delay on top of its own."""
         loops = region.loops(filters, extra)
-        nominal, *held = (Loop.around(plant, filters) for plant in region.nominal)
-        return cls(
+        plants = _nominal_plants(device, region.hand)
+        nominal, *held = (Loop.around(plant, filters) for plant in plants)
+        return Loops(
             region=region,
             filters=filters,
             late=_side_by_side([one.loop for one in loops]),

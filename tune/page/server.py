@@ -16,9 +16,8 @@ import socket
 import sys
 from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any
 
 import uvicorn
 from pydantic import ValidationError
@@ -27,11 +26,17 @@ from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.responses import (
+    FileResponse,
+    JSONResponse,
+    PlainTextResponse,
+    Response,
+    StreamingResponse,
+)
 from starlette.routing import Mount, Route
 
 import identification as ident
-from identification import Document, IdentificationError
+from identification import IdentificationError
 from tune.documents import TuneError
 from tune.documents.scene import Scene
 from tune.page import views
@@ -44,24 +49,15 @@ _OWN = (
 _FOREIGN = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 _STATIC = Path(__file__).parent / "static"
 _STYLE = Path(__file__).parents[1] / "templates" / "report.css"
-#: What a person may save from a form, and the comment that each begins with.
-_FORMS: dict[str, tuple[type[Document], str]] = {
-    "hardware": (ident.Hardware, "Stated by a person; numbers in SI units."),
-    "scene": (Scene, "What is to be felt; 'haptune new scene' explains every key."),
-}
-#: Commands that the page runs, and what follows each of their options.
+#: Commands that the page runs, their options that are followed by a path, and by anything else.
 _COMMANDS = frozenset(["doctor", "export", "identify", "new", "report", "tune"])
-_TEXTS = frozenset(["--time", "--force", "--position", "--reference", "--to"]) | {
-    f"--{role}-gain" for role in ("time", "force", "position")
-}
 _PATHS = frozenset(["-o", "--hardware", "--device", "--picture"])
-#: A picture that is to be looked at, not kept.
-_SHOWN = re.compile(r"@(\w+\.png)")
+_TEXT = re.compile(r"--(((time|force|position)(-gain)?)|reference|to)=.*", re.DOTALL)
 _SCHEMA = re.compile(rb"^schema: haptune/(\w+)/", re.MULTILINE)
 #: Files that are listed at most, and bytes of each that are looked at.
 _MOST_FILES, _HEAD = 1000, 4096
 #: Seconds between two signs of life, and after the last tab was closed: a reload takes less.
-_BEAT, _GRACE = 0.5, 3.0
+_BEAT, _GRACE = 0.2, 3.0
 #: A command, of what this page itself is made of: nothing in the folder takes its place.
 _PROGRAM = "import sys; sys.path[:] = {path!r}; from tune.cli import main; main()"
 
@@ -71,11 +67,12 @@ def serve(folder: Path, port: int, tell: Callable[[str], None]) -> None:
 
     Port 0 takes any that is free. Raises OSError where the port is taken.
     """
-    with socket.socket() as door, TemporaryDirectory(prefix="haptune-") as shown:
+    # Named as TCP, asyncio sends an answer's body without waiting until its head has arrived.
+    with socket.socket(proto=socket.IPPROTO_TCP) as door:
         door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         door.bind(("127.0.0.1", port))
         door.listen()
-        page = Page(folder=folder.resolve(), shown=Path(shown))
+        page = Page(folder.resolve())
         tell(f"http://127.0.0.1:{door.getsockname()[1]}/{page.token}/")
         page.server.run(sockets=[door])
 
@@ -83,22 +80,19 @@ def serve(folder: Path, port: int, tell: Callable[[str], None]) -> None:
 class Page:
     """One folder on one address: its token, the tabs that look at it, the command that runs."""
 
-    def __init__(self, *, folder: Path, shown: Path) -> None:
-        self.folder, self.shown = folder, shown
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
         self.token = secrets.token_urlsafe(24)
         self.tabs = 0
         self.process: asyncio.subprocess.Process | None = None
-        own: list[Route] = [
+        self.stage = ""
+        own = [
             Route("/", self.own_file),
             Route("/{name:str}", self.own_file),
             Route("/alive/", self.alive),
             Route("/folder/", self.listing),
-            Route("/file/{path:path}", self.file),
-            Route("/log/", self.log, methods=["POST"]),
-            Route("/read/", self.read, methods=["POST"]),
-            Route("/move/", self.move, methods=["POST"]),
-            Route("/save/", self.save, methods=["POST"]),
-            Route("/drop/{path:path}", self.drop, methods=["PUT"]),
+            Route("/file/{path:path}", self.file, methods=["GET", "PUT"]),
+            Route("/show/{view}", self.show, methods=["POST"]),
             Route("/run/", self.run, methods=["POST"]),
             Route("/stop/", self.stop, methods=["POST"]),
         ]
@@ -109,10 +103,9 @@ class Page:
             exception_handlers=dict.fromkeys(kinds, _refused),
             lifespan=self._life,
         )
-        settings = uvicorn.Config(
-            app, log_level="error", access_log=False, timeout_graceful_shutdown=2
+        self.server = uvicorn.Server(
+            uvicorn.Config(app, log_level="error", access_log=False, timeout_graceful_shutdown=2)
         )
-        self.server = uvicorn.Server(settings)
 
     @asynccontextmanager
     async def _life(self, _: Starlette) -> AsyncGenerator[None]:
@@ -122,9 +115,7 @@ class Page:
             await self.process.wait()
 
     def path(self, name: str) -> Path:
-        """A path within the folder, links followed; any other is refused, but @NAME to look at."""
-        if shown := _SHOWN.fullmatch(name):
-            return self.shown / shown[1]
+        """A path within the folder, links followed; any other is refused."""
         try:
             found = (self.folder / name).resolve()
         except (OSError, ValueError):
@@ -139,118 +130,96 @@ class Page:
         return _sent(_STYLE if name == _STYLE.name else _STATIC / Path(name).name, _OWN)
 
     async def file(self, request: Request) -> Response:
-        """A file of the folder, such as a report; nothing in it can run."""
-        return _sent(self.path(request.path_params["path"]), _FOREIGN)
+        """A file of the folder, in which nothing can run; or one that a person puts there."""
+        path = self.path(request.path_params["path"])
+        if request.method == "GET":
+            return _sent(path, _FOREIGN)
+        content = await request.body()
+        if path.suffix == ".yaml":
+            content = self.checked(path, content.decode()).encode()
+        elif path.parent != self.folder or _kind_of(path) != "log":
+            raise HTTPException(403, "not the name of a log")
+        replaced = ident.write_bytes(path, content)
+        return JSONResponse({"backup": "" if replaced is None else replaced.backup.name})
+
+    def checked(self, path: Path, text: str) -> str:
+        """The text of a scene, as it is, or of hardware, in the order of its file."""
+        content = ident.load_mapping(path, text)
+        if str(content.get("schema")).startswith("haptune/hardware/"):
+            facts = ident.parse_document(ident.Hardware, content, path.name)
+            return ident.to_yaml(ident.to_mapping(facts), "Stated by a person; SI units.")
+        scene = ident.parse_document(Scene, content, path.name)
+        if scene.perception != "default":
+            self.path(scene.perception)
+        return text
 
     async def alive(self, request: Request) -> Response:
-        """Beats as long as a tab looks; when the last has gone, the page ends."""
+        """What runs, a line a beat, as long as a tab looks; when the last has gone, it ends."""
 
-        async def beats() -> AsyncGenerator[bytes]:
+        async def beats() -> AsyncGenerator[str]:
             self.tabs += 1
             try:
                 while not (self.server.should_exit or await request.is_disconnected()):
-                    yield b"."
+                    yield self.stage + "\n"
                     await asyncio.sleep(_BEAT)
             finally:
                 self.tabs -= 1
-                asyncio.get_running_loop().call_later(_GRACE, self._leave)
+                wait = 0.0 if self.server.should_exit else _GRACE
+                asyncio.get_running_loop().call_later(wait, self._leave)
 
-        return StreamingResponse(beats())
+        return StreamingResponse(beats(), media_type="text/plain")
 
     def _leave(self) -> None:
-        self.server.should_exit |= not self.tabs
+        if not self.tabs:
+            self.server.should_exit = True
+            self._end()
 
     async def listing(self, _: Request) -> Response:
-        """Files of the folder with their kinds, and the known devices."""
+        """Files of the folder with their kinds."""
         found = [
-            {"name": path.name, "kind": kind, "bytes": path.stat().st_size}
+            {"name": path.name, "kind": kind}
             for path in sorted(self.folder.iterdir())[:_MOST_FILES]
             if path.is_file() and (kind := _kind_of(path))
         ]
-        known = list(ident.named_devices())
-        return JSONResponse({"folder": str(self.folder), "files": found, "devices": known})
+        return JSONResponse({"folder": str(self.folder), "files": found})
 
-    async def log(self, request: Request) -> Response:
-        """Columns of a log, thinned."""
-        asked = views.LogAsked.model_validate(await request.json())
-        return JSONResponse(await asyncio.to_thread(views.log_view, self.path(asked.file), asked))
-
-    async def read(self, request: Request) -> Response:
-        """A YAML document as it stands, and what is to be seen of it."""
-        name = str((await request.json())["file"])
-        known = name in ident.named_devices()
-        path = name if known else self.path(name)
-        return JSONResponse(await asyncio.to_thread(views.document_view, path))
-
-    async def move(self, request: Request) -> Response:
-        """What gains amount to, as ``haptune audit`` tells it, with region and responses."""
-        asked = views.Moved.model_validate(await request.json())
-        for name in (asked.device, asked.profile):
-            self.path(name)
-        return JSONResponse(await asyncio.to_thread(views.moved_view, self.folder, asked))
-
-    async def save(self, request: Request) -> Response:
-        """Write a form as the file that it stands for."""
-        asked: dict[str, Any] = await request.json()
-        model, comment = _FORMS[asked["kind"]]
-        path, content = self.path(asked["file"]), asked["content"]
-        document = ident.parse_document(model, content, path.name)
-        if isinstance(document, Scene) and document.perception != "default":
-            self.path(document.perception)
-        replaced = ident.write_text(path, ident.to_yaml(content, comment))
-        return JSONResponse({"backup": "" if replaced is None else replaced.backup.name})
-
-    async def drop(self, request: Request) -> Response:
-        """Put a log into the folder, as somebody dropped it and said so."""
-        path = self.path(request.path_params["path"])
-        if path.parent != self.folder or _kind_of(path) != "log":
-            raise HTTPException(403, "not the name of a log")
-        replaced = ident.write_bytes(path, await request.body())
-        return JSONResponse({"backup": "" if replaced is None else replaced.backup.name})
-
-    def _checked(self, arguments: list[str]) -> list[str]:
-        """Arguments of a command of which every path lies within the folder."""
-        command, *rest = arguments
-        if command not in _COMMANDS:
-            raise HTTPException(403, "no command of the page")
-        found, tokens = [command], iter(rest)
-        for token in tokens:
-            found.append(token)
-            name = next(tokens, "") if token in _TEXTS | _PATHS else found.pop()
-            if token not in _TEXTS and name.startswith("-"):
-                raise HTTPException(403, "no option of the page")
-            path = self.path(name) if token not in _TEXTS else None
-            found.append(str(path) if _SHOWN.fullmatch(name) else name)
-        return found
+    async def show(self, request: Request) -> Response:
+        """What there is to be seen of a log, a document, or gains that were moved."""
+        model, view = views.VIEWS[request.path_params["view"]]
+        asked = model.model_validate(await request.json())
+        return JSONResponse(await asyncio.to_thread(view, asked, self.path))
 
     async def run(self, request: Request) -> Response:
-        """Run a command in the folder: a line of JSON a stage, then its result."""
-        arguments = self._checked([str(each) for each in await request.json()])
+        """Run a command in the folder; every tab is told its stages, who asked its result."""
+        words = [str(each) for each in await request.json()]
+        if words[0] not in _COMMANDS:
+            raise HTTPException(403, "no command of the page")
+        for before, word in pairwise(words):
+            if before not in _PATHS and (word in _PATHS or _TEXT.fullmatch(word)):
+                continue
+            if word.startswith("-"):
+                raise HTTPException(403, "no option of the page")
+            self.path(word)
         if self.process is not None and self.process.returncode is None:
             raise HTTPException(409, "another command runs")
         program = _PROGRAM.format(path=[each for each in sys.path if each])
-        self.process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-c", program, *arguments, "--json"),
+        self.process = process = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-P", "-c", program, *words, "--json"),
             cwd=self.folder,
             env=os.environ | {"HAPTUNE_STAGES": "1"},
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
         )
-        return StreamingResponse(self._told(self.process), media_type="application/x-ndjson")
-
-    async def _told(self, process: asyncio.subprocess.Process) -> AsyncGenerator[str]:
         assert process.stdout is not None
         assert process.stderr is not None
-        result = asyncio.create_task(process.stdout.read())
-        try:
-            async for line in process.stderr:
-                yield json.dumps({"stage": line.decode(errors="replace").strip()}) + "\n"
-            said, code = await result, await process.wait()
-            ended = {"exit_code": code, "message": "it was ended", "outputs": (), "findings": ()}
-            yield f'{{"result": {said.decode().strip() or json.dumps(ended)}}}\n'
-        finally:
-            self._end()
+        self.stage, reading = "starting", asyncio.create_task(process.stdout.read())
+        async for line in process.stderr:
+            self.stage = line.decode(errors="replace").strip()
+        said, code = await reading, await process.wait()
+        self.stage = ""
+        ended = {"exit_code": code, "message": "it was ended", "outputs": (), "findings": ()}
+        return JSONResponse(json.loads(said) if said else ended)
 
     async def stop(self, _: Request) -> Response:
         """Ask the command that runs to end, as Ctrl-C does."""
@@ -275,7 +244,7 @@ def _sent(path: Path, policy: str) -> Response:
 
 
 def _refused(_: Request, error: Exception) -> Response:
-    return JSONResponse({"problem": str(error)}, status_code=422)
+    return PlainTextResponse(str(error), status_code=422)
 
 
 def _kind_of(path: Path) -> str:

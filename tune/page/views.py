@@ -2,132 +2,105 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
-from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 import identification as ident
-from identification import Device, IdentificationError, LogColumns, QuestionError, Trajectory
-from tune.documents.estimators import DERIVATIVES
-from tune.documents.profile import SafeProfile, load_profile
-from tune.documents.scene import UNITS, Effects, MarginName
-from tune.judging import ELEMENT, audit
-from tune.loop.loop import Filters, filter_of, filters_of
+from identification import Device, IdentificationError, LogColumns, QuestionError
+from tune.documents.profile import load_profile
+from tune.documents.scene import MARGINS, UNITS, Effects, MarginName
+from tune.judging import audit
+from tune.loop.loop import Filters, filters_of
+from tune.loop.state_space import corners_of
+from tune.optimisation.region import remembered
 from tune.page.response import step_response
-from tune.presentation.limits import Boundaries, effect_uses, spread
+from tune.presentation.limits import Boundaries
 from tune.presentation.page import plain_table
-from tune.presentation.tables import audit_table, certificate_lines, device_table, verdict_on
+from tune.presentation.tables import audit_table, device_table, effects_table, verdict_on
 from tune.rendering import BEYOND, SLOWEST, felt_over_frequency
 
 FloatArray = NDArray[np.float64]
+_Answer = TypeVar("_Answer")
 
 #: Parts of a curve, of each of which the least and the largest value are drawn.
 _PARTS = 1200
 #: Names that no column has, so that the reader tells those that there are.
 _NO_COLUMN = LogColumns(time="\0t", force="\0f", position="\0x")
 #: Places at which a region is drawn, fewer while a slider moves; those of what is felt.
-_PLACES, _MOVING, _FELT = 160, 32, 61
-#: Part of the continuous force that is the step, as in pictures; N where no limit is stated.
-_STEP, _WITHOUT_LIMIT = 0.1, 1.0
+_PLACES, _MOVING, _FELT = 160, 24, 61
+#: Part of the continuous force that is the step, N where no limit is stated; s of the answer.
+_STEP, _WITHOUT_LIMIT, _SPAN = 0.1, 1.0, 0.5
 
 
 class _Asked(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class LogAsked(_Asked):
-    """A log, how its columns are read, as `LogColumns`, and the times that are looked at, s."""
+class File(_Asked):
+    """A document, or a log with how its columns are read, as `LogColumns`."""
 
     file: str
     columns: dict[str, Any] = {}
-    span: tuple[float, float] | None = None
 
 
 class Moved(_Asked):
-    """Where the sliders stand, SI units; cut-offs that are None are those of the profile."""
+    """Where the sliders of an element stand, named and in units as options of ``audit``.
+
+    Filters are cut-offs, those of the profile where they are None; ``ends`` are the dampings
+    between which the region was drawn.
+    """
 
     device: str
     profile: str
+    element: str
     stiffness: float = 0.0
     damping: float = 0.0
     mass: float = 0.0
-    velocity_filter_hz: float | None = None
-    acceleration_filter_hz: float | None = None
+    velocity_filter: float | None = None
+    acceleration_filter: float | None = None
     margin: MarginName = "balanced"
     extra_delay_samples: float = 0.0
     ends: tuple[float, float] | None = None
     proved: bool = False
 
-    def command(self, filters: Filters) -> list[str]:
-        """The command that tells the same; none where its options do not name these filters."""
-        if filters.velocity_window_samples is not None:
-            return []
-        words = ["audit", self.device, "--margin", self.margin]
-        given: list[tuple[str, object]] = [
-            ("--stiffness", self.stiffness),
-            ("--damping", self.damping),
-            ("--mass", self.mass),
-            ("--extra-delay-samples", self.extra_delay_samples),
-        ]
-        for which in DERIVATIVES:
-            kind, cutoff, order = filter_of(filters, which)
-            given.append((f"--{which}-filter", cutoff and f"{cutoff},{kind},{order}"))
-        ratio = filters.filter_damping_ratio
-        given.append(("--filter-damping-ratio", 0 if ratio == 1 else ratio))
-        for option, value in given:
-            words += [option, str(value)] if value else []
-        return words
 
-
-def log_view(path: Path, asked: LogAsked) -> dict[str, object]:
+def log_view(asked: File, inside: Callable[[str], Path]) -> dict[str, object]:
     """Names of the columns of a log, and those chosen as curves; or why there are none."""
-    stamp = _stamp(path)
-    told: dict[str, object] = {"names": _names(path, stamp)}
+    path = inside(asked.file)
+    told: dict[str, object] = {"names": _read(_names, path), "curves": {}}
     try:
-        log = _loaded(path, stamp, LogColumns(**asked.columns))
+        log = _read(ident.load_trajectory, path, LogColumns(**asked.columns))
     except IdentificationError as error:
-        return told | {"problem": str(error)}
-    first, last = asked.span or (float(log.time[0]), float(log.time[-1]))
-    rows = slice(*np.searchsorted(log.time, [first, last + log.sample_time / 2]))
-    curves = {
-        name: thinned(log.time[rows], column[rows])
-        for name, column in log.columns()
-        if name != "time"
-    }
-    return told | {
-        "rows": len(log),
-        "read_as": log.read_as,
-        "sample_time": log.sample_time,
-        "whole": [float(log.time[0]), float(log.time[-1])],
-        "curves": curves,
-    }
+        return told | {"reading": str(error)}
+    curves = {name: thinned(log.time, column) for name, column in log.columns() if name != "time"}
+    rate = f"{len(log)} rows, {1 / log.sample_time:.4g} Hz"
+    reading = ", ".join(filter(None, (rate, log.read_as)))
+    return told | {"reading": reading, "curves": curves}
 
 
-def _stamp(path: Path) -> int:
-    """When a file was written: written anew it is another."""
-    return path.stat().st_mtime_ns if path.is_file() else 0
-
-
-@lru_cache(maxsize=2)
-def _loaded(path: Path, stamp: int, columns: LogColumns) -> Trajectory:
-    del stamp
-    return ident.load_trajectory(path, columns)
-
-
-@lru_cache(maxsize=8)
-def _names(path: Path, stamp: int) -> tuple[str, ...]:
-    del stamp
+def _names(path: Path) -> tuple[str, ...]:
     try:
         ident.load_trajectory(path, _NO_COLUMN)
     except IdentificationError as error:
         return error.choices if isinstance(error, QuestionError) else ()
     return ()
+
+
+def _read(load: Callable[..., _Answer], path: Path, *how: object) -> _Answer:
+    """What a file holds, read once; written anew it is another."""
+    return _once(load, path, path.stat().st_mtime_ns if path.is_file() else 0, *how)
+
+
+@remembered
+def _once(load: Callable[..., _Answer], path: Path, stamp: int, *how: object) -> _Answer:
+    del stamp
+    return load(path, *how)
 
 
 def thinned(time: FloatArray, column: FloatArray, parts: int = _PARTS) -> list[list[float]]:
@@ -147,116 +120,97 @@ def thinned(time: FloatArray, column: FloatArray, parts: int = _PARTS) -> list[l
     return [time[kept].tolist(), column[kept].tolist()]
 
 
-def document_view(path: str | PathLike[str]) -> dict[str, object]:
-    """A YAML document as it stands, with what is to be seen of a device or a profile."""
-    if isinstance(path, str):  # a known device
-        return _device_view(ident.to_mapping(ident.load_device(path)))
+def document_view(asked: File, inside: Callable[[str], Path]) -> dict[str, object]:
+    """A YAML document as text and content, with what is to be seen of a device or a profile."""
+    path = inside(asked.file)
     content = ident.load_mapping(path)
+    told: dict[str, object] = {"content": content, "text": path.read_text(encoding="utf-8")}
     kind = str(content.get("schema", "")).split("/")
     if "device" in kind:
-        return _device_view(content)
+        told["table"] = plain_table(device_table(_read(ident.load_device, path)))
     if "profile" in kind:
-        return {"content": content} | _profile_view(load_profile(path))
-    return {"content": content}
+        safe = _read(load_profile, path)
+        told["verdict"] = verdict_on(safe)
+        told["table"] = plain_table(effects_table(safe))
+        told["units"] = UNITS[safe.device.motion]
+    return told
 
 
-def _device_view(content: dict[str, Any]) -> dict[str, object]:
-    device = ident.parse_document(ident.Device, content, "device")
-    missing: list[dict[str, str]] = []
-    try:
-        device.require_stated()
-    except ident.UnstatedError as error:
-        missing = [{"key": fact.key, "hint": fact.hint} for fact in error.missing]
-    table = plain_table(device_table(device))
-    return {"content": content, "table": table, "missing": missing}
-
-
-def _profile_view(safe: SafeProfile) -> dict[str, object]:
-    device = safe.device
-    return {
-        "title": f"{safe.scene} on {device.name}",
-        "verdict": verdict_on(safe),
-        "bars": [
-            {
-                "words": [each.name, each.value, f"{each.steps:.3g}", each.words],
-                "part": min(each.limit.part, 1.0) if each.limit else 0.0,
-                "binds": each.binds,
-            }
-            for each in effect_uses(safe)
-        ],
-        "notes": safe.notes,
-        "certificate": certificate_lines(safe.certificate),
-        "units": UNITS[device.motion],
-        "mass": device.mass.value,
-        "rate": 1 / safe.loop.sample_time,
-    }
-
-
-def moved_view(folder: Path, asked: Moved) -> dict[str, object]:
+def moved_view(asked: Moved, inside: Callable[[str], Path]) -> dict[str, object]:
     """What ``haptune audit`` tells of the gains; region, step and what is felt beside it.
 
     Only what was asked to be proved can be; whatever moves is called not proved.
     """
-    known = asked.device in ident.named_devices()
-    path = Path(asked.device) if known else folder / asked.device
-    device = _device_of(str(path), _stamp(path))
-    path = folder / asked.profile
-    names = ("velocity_filter_hz", "acceleration_filter_hz")
-    given = {name: hertz for name in names if (hertz := getattr(asked, name)) is not None}
-    filters = replace(_loop_of(path, _stamp(path)), **given)
+    device = _read(ident.load_device, inside(asked.device))
+    safe = _read(load_profile, inside(asked.profile))
+    hertz = {
+        "velocity_filter_hz": asked.velocity_filter,
+        "acceleration_filter_hz": asked.acceleration_filter,
+    }
+    given = {name: value for name, value in hertz.items() if value is not None}
+    filters = replace(filters_of(safe.loop), **given)
     gains = {name: getattr(asked, name) for name in ("stiffness", "damping", "mass")}
+    effects = Effects(**gains)
     found = audit(
         device,
-        Effects(**gains),
+        effects,
         filters=filters,
         margin=asked.margin,
         extra_delay_samples=asked.extra_delay_samples,
+        like=(safe, asked.element),
         proved=asked.proved,
     )
-    design, later = found.design, found.design.device
-    element = design.elements[ELEMENT]
-    boundaries = Boundaries.of(design, filters)
-    B, ends = asked.damping, asked.ends
+    later, B, ends = found.design.device, asked.damping, asked.ends
     if ends is None or not ends[0] <= B <= ends[1]:
+        boundaries = _boundaries(later, filters, asked.margin)
         ends = boundaries.ends((min(B, 0.0), max(B, 0.0)), asked.mass)
-    grid = spread(*ends, _PLACES if asked.proved else _MOVING)
+    places = _PLACES if asked.proved else _MOVING
     limit = later.force_limit
     force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
-    time, motion = step_response(design, element, force)
-    hertz = np.geomspace(SLOWEST, BEYOND, _FELT)
-    mass, damping = felt_over_frequency(later, filters, hertz, **gains)
-    nearest = found.nearest.arrays() if found.nearest else ()
+    time = np.arange(0.0, _SPAN, later.sample_time.value)
+    corners = corners_of(later, later.simultaneous_box())
+    sizes = (asked.stiffness, asked.damping, asked.mass)
+    motions = [step_response(each, filters, sizes, force, time.size) for each in corners]
+    frequency = np.geomspace(SLOWEST, BEYOND, _FELT)
+    felt = felt_over_frequency(later, filters, frequency, **gains)
     return {
-        "command": asked.command(filters),
         "table": plain_table(audit_table(found)),
         "faults": [f"{each.limit}: {each.seen}; needed: {each.needed}" for each in found.faults],
         "safe": found.safe,
-        "nearest": [None if each is None else float(each) for each in nearest],
         "ends": ends,
-        "region": {
-            "damping": _plain(grid),
-            "best": _plain(boundaries.at_best(grid, asked.mass)),
-            "worst": _plain(boundaries.at_worst(grid, asked.mass)),
-            "safe": _plain(boundaries.with_margin(grid, asked.mass)),
-        },
-        "step": thinned(time, motion, _PARTS // 8),
+        "region": _region(later, filters, asked.margin, ends, asked.mass, places),
+        "step": [thinned(time, motion, _PARTS // 8) for motion in motions],
         "force": force,
-        "felt": {"hertz": _plain(hertz), "mass": _plain(mass), "damping": _plain(damping)},
+        "felt": _plain(frequency, *felt),
     }
 
 
-@lru_cache(maxsize=8)
-def _device_of(reference: str, stamp: int) -> Device:
-    del stamp
-    return ident.load_device(reference)
+@remembered
+def _boundaries(device: Device, filters: Filters, margin: MarginName) -> Boundaries:
+    return Boundaries.on(device, filters, MARGINS[margin])
 
 
-@lru_cache(maxsize=8)
-def _loop_of(path: Path, stamp: int) -> Filters:
-    del stamp
-    return filters_of(load_profile(path).loop)
+@remembered
+def _region(
+    device: Device,
+    filters: Filters,
+    margin: MarginName,
+    ends: tuple[float, float],
+    mass: float,
+    places: int,
+) -> list[list[float | None]]:
+    """Neither stiffness nor damping of the element moves it."""
+    return _plain(*_boundaries(device, filters, margin).plane(ends, mass, places))
 
 
-def _plain(values: FloatArray) -> list[float | None]:
+def _plain(*columns: FloatArray) -> list[list[float | None]]:
     """Numbers as JSON has them: none for what is not finite."""
-    return [each if np.isfinite(each) else None for each in values.tolist()]
+    return [[each if np.isfinite(each) else None for each in c.tolist()] for c in columns]
+
+
+#: What the page asks for, by the name under which it does.
+VIEWS: dict[str, tuple[type[_Asked], Callable[[Any, Callable[[str], Path]], object]]] = {
+    "log": (File, log_view),
+    "document": (File, document_view),
+    "moved": (Moved, moved_view),
+}

@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import Device
 from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, LimitedBy
-from tune.documents.scene import UNITS, Effects
+from tune.documents.scene import UNITS, Effects, Hand, Margin
 from tune.loop.loop import Filters, Loop, filters_of
 from tune.optimisation.region import DelayedLoops, Region
 from tune.presentation.tables import plain_number
@@ -53,16 +54,21 @@ class Boundaries:
     damping: float  # of the device itself at its best estimate, N·s/m: a scale
 
     @classmethod
-    def of(cls, design: Design, filters: Filters | None = None) -> Boundaries:
-        """On the device, hand and filters of a design; other filters where they are given."""
-        used = filters or filters_of(design.loop)
-        extra = design.margin.extra_delay_samples
-        region = Region.of(design.device, design.hand, extra=extra)
+    def of(cls, design: Design) -> Boundaries:
+        """On the device, hand and filters of a design."""
+        return cls.on(design.device, filters_of(design.loop), design.margin, design.hand)
+
+    @classmethod
+    def on(
+        cls, device: Device, filters: Filters, margin: Margin, hand: Hand | None = None
+    ) -> Boundaries:
+        """On a device, alone or in a hand."""
+        extra = margin.extra_delay_samples
         return cls(
-            nominal=Loop.from_parts(design.device, used),
-            corners=region.loops(used, extra),
-            gain=design.margin.gain,
-            damping=max(abs(design.device.damping.value), _LEAST_SCALE),
+            nominal=Loop.from_parts(device, filters),
+            corners=Region.of(device, hand, extra=extra).loops(filters, extra),
+            gain=margin.gain,
+            damping=max(abs(device.damping.value), _LEAST_SCALE),
         )
 
     def at_best(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
@@ -107,6 +113,18 @@ class Boundaries:
         most = self.damping_with_margin(0.0, damping[1], mass)
         return _BEYOND * damping[0], _BEYOND * max(most, damping[1], 0.1 * self.damping)
 
+    def plane(
+        self, ends: tuple[float, float], mass: float, places: int
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Dampings between two ends, even on axes of square roots, and the three stiffnesses there.
+
+        On the best estimate, at the worst corner and with the margin; shape (places,) each.
+        """
+        low, high = _root(np.array(ends))
+        damping = _square(np.linspace(float(low), float(high), places))
+        best, worst = self.at_best(damping, mass), self.at_worst(damping, mass)
+        return damping, best, worst, self.with_margin(damping, mass)
+
     def _gains(self) -> tuple[float, ...]:
         return tuple(part * self.gain for part in _PARTS)
 
@@ -143,10 +161,7 @@ def draw_region(
     Damping from the least to the largest, N·s/m, and stiffness, N/m, have to be seen.
     """
     least, most = boundaries.ends(damping, mass)
-    grid = spread(least, most, _PLACES)
-    best = boundaries.at_best(grid, mass)
-    worst = boundaries.at_worst(grid, mass)
-    safe = boundaries.with_margin(grid, mass)
+    grid, best, worst, safe = boundaries.plane((least, most), mass, _PLACES)
     axes.set_xscale("function", functions=(_root, _square))
     axes.set_yscale("function", functions=(_root, _square))
     axes.fill_between(grid, best, color="0.9", lw=0, label="stable, best estimate")
@@ -186,12 +201,6 @@ def draw_slice(axes: Axes, boundaries: Boundaries, design: Design, name: str) ->
 def set_small_title(axes: Axes, words: str, pad: float = 4) -> None:
     """A title in small letters."""
     axes.set_title(words, fontsize=8, loc="left", pad=pad)
-
-
-def spread(least: float, most: float, count: int) -> FloatArray:
-    """Places, shape (count,), that are even on axes that grow as the square root."""
-    low, high = _root(np.array([least, most]))
-    return _square(np.linspace(float(low), float(high), count))
 
 
 def _root(values: FloatArray) -> FloatArray:

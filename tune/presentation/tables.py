@@ -392,7 +392,8 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
         ("sustained force", found.sustained, limit and limit.continuous),
         ("peak force", found.peak, limit and limit.peak),
     ):
-        yield what, f"{value:.4g} {force}", "-" if most is None else f"at most {most:g}"
+        seen = "cut at its limit" if value is None else f"{value:.4g} {force}"
+        yield what, seen, "-" if most is None else f"at most {most:g}"
     if found.ripple is not None:
         allowed = f"at most {design.ripple_limit:g}"
         yield "force ripple from the encoder", f"{found.ripple:.3g} {force} rms", allowed

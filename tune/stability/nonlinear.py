@@ -315,17 +315,16 @@ def jitter_margin(
     for place in sorted(far, key=far.__getitem__, reverse=True):
         if far[place] < 0:
             break
-        if found == MOST_JITTER or _growth(place, filters, values, found) >= 0:
-            found = _margin_at(place, filters, values, found)
+        whole = found == MOST_JITTER
+        above = far[place] if whole else _growth(place, filters, values, found)
+        if above >= 0:
+            found = _margin_at(place, filters, values, found, above)
     return found
 
 
-def _margin_at(
-    place: Corner, filters: Filters, values: tuple[float, float, float], most: float
-) -> float:
-    """The margin of a loop that is not stable up to ``most``, by the Illinois false position."""
+def _margin_at(place: Corner, filters: Filters, values: Values, most: float, above: float) -> float:
+    """The margin of a loop that grows by ``above`` at ``most``, by the Illinois false position."""
     low, high = 0.0, most
-    above = _growth(place, filters, values, most)
     below = _growth(place, filters, values, 0.0)
     if below >= 0:
         return 0.0

@@ -1,4 +1,4 @@
-// The page's own script: forms and curves. Whatever is computed or written, the server is asked for.
+// The page's own script: what is shown and asked for. All that is computed or written is the server's.
 import { SCALES, chart } from "./chart.js";
 
 const $ = (id) => document.getElementById(id);
@@ -7,406 +7,251 @@ const make = (tag, given = {}, ...inside) => {
   made.append(...inside);
   return made;
 };
-const option = (value, text = value) => make("option", { value, textContent: text });
-const labelled = (text, input) => make("label", {}, text, input);
 const shell = (words) => ["haptune", ...words].map((w) => (/^[\w./:+@=,-]+$/.test(w) ? w : `'${w}'`)).join(" ");
-const seen = { scene: null, profile: null, gains: {}, loop: {}, findings: [], ends: {} };
-
-async function ask(path, body, method = "POST") {
-  const sent = body instanceof Blob ? body : JSON.stringify(body);
-  const answer = await fetch(path, { method, body: sent });
-  const said = await answer.json().catch(() => ({ problem: `refused: ${answer.statusText}` }));
-  if (!answer.ok) throw new Error(said.problem ?? answer.statusText);
-  return said;
-}
+const chosen = (kind) => $(`${kind}-file`).value;
+const KINDS = ["log", "device", "scene", "profile"];
+const seen = { files: [], findings: [], outputs: [], text: "", profile: null, state: {}, start: "", ends: null };
 
 function say(words, bad = false) {
   $("said").textContent = words;
-  $("said").className = bad ? "bad" : "";
+  $("said").classList.toggle("is-refusal", bad);
 }
 
-/** Run a command, show how far it is, and return its result; what it refuses is said. */
-async function run(words) {
-  const began = performance.now();
-  const told = { stage: "starting" };
-  const clock = setInterval(() => {
-    $("job").children[1].textContent = `${told.stage}, ${((performance.now() - began) / 1000).toFixed(0)} s`;
-  }, 200);
-  $("job").hidden = false;
-  say("");
-  try {
-    const answer = await fetch("run/", { method: "POST", body: JSON.stringify(words) });
-    if (!answer.ok) throw new Error(await answer.text());
-    let rest = "";
-    for (const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader(); ; ) {
-      const { done, value } = await reader.read();
-      const lines = (rest += value ?? "").split("\n");
-      rest = lines.pop();
-      for (const line of lines) Object.assign(told, JSON.parse(line));
-      if (done) break;
-    }
-    const { result } = told;
-    const kept = result.outputs.filter((name) => !name.startsWith("/"));
-    const written = kept.length ? `written: ${kept.join(", ")}` : "";
-    say(result.message ?? written, result.exit_code !== 0);
-    return result;
-  } finally {
-    clearInterval(clock);
-    $("job").hidden = true;
-    await list();
-  }
+async function ask(path, body, method = "POST") {
+  const raw = body instanceof File || typeof body === "string";
+  const answer = await fetch(path, { method, body: raw ? body : JSON.stringify(body) });
+  if (!answer.ok) throw new Error(await answer.text());
+  return answer.json();
 }
 
-/** A button that runs what its words say, which stand beside it at every moment. */
-const actions = [];
-function action(id, words, then = () => {}, extra = () => []) {
-  const button = $(id);
-  const show = () => (button.nextElementSibling.textContent = words() ? shell(words()) : "");
-  actions.push(show);
-  button.addEventListener("click", async (event) => {
-    event.preventDefault();
-    const asked = words();
-    if (asked) await guarded(async () => then(await run([...asked, ...extra()]), asked));
-  });
-}
-const refresh = () => actions.forEach((show) => show());
-
+/** Do what was asked for; what is refused is said. Beside each button stands what it runs. */
 async function guarded(work) {
   try {
     await work();
   } catch (error) {
     say(error.message, true);
   }
-  refresh();
+  for (const button of document.querySelectorAll("[data-run]")) {
+    const words = wordsOf(button);
+    button.disabled = words.includes("");
+    button.nextElementSibling.textContent = button.disabled ? "" : shell(words);
+  }
 }
 
-/** Files of the folder into the choices; what was chosen stays chosen, new ones are taken. */
+/** The choices of a box; what was chosen stays chosen, else the usual one is. */
+function offer(box, names, usual) {
+  const before = box.value || usual;
+  box.replaceChildren(...names.map((name) => make("option", { value: name }, name || "as named")));
+  if (names.includes(before)) box.value = before;
+}
+
 async function list() {
-  const { folder, files, devices } = await (await fetch("folder/")).json();
+  const { folder, files } = await (await fetch("folder/")).json();
   $("folder").textContent = folder;
   seen.files = files;
-  for (const kind of ["log", "device", "scene", "profile"]) {
+  for (const kind of KINDS) {
     const names = files.filter((file) => file.kind === kind).map((file) => file.name);
-    const box = $(`${kind}-file`);
-    const before = box.value;
-    box.replaceChildren(...names.map((name) => option(name)));
-    if (kind === "device") box.append(...devices.map((name) => option(name, `${name} (known)`)));
-    if (names.includes(before) || devices.includes(before)) box.value = before;
-    const chosen = names.includes(`${kind}.yaml`) ? `${kind}.yaml` : box.value;
-    if (!before && chosen) box.value = chosen;
+    offer($(`${kind}-file`), names, `${kind}.yaml`);
   }
-  refresh();
 }
 
-// Forms: a field is named after the keys that lead to it; no key holds a line break. ----------
-
-const written = (value) => {
-  if (Array.isArray(value)) return value.map((names) => names.join(" + ")).join("\n");
-  return value?.max === undefined ? (value?.value ?? value ?? "") : `${value.min} to ${value.max}`;
-};
-
-function meant({ tagName, value }) {
-  if (tagName === "SELECT") return value;
-  const lines = value.split("\n").filter((line) => line.trim());
-  if (tagName === "TEXTAREA") return lines.map((line) => line.split("+").map((name) => name.trim()));
-  const range = value.match(/^\s*(\S+)\s+to\s+(\S+)\s*$/);
-  if (range) return { min: +range[1], max: +range[2] };
-  return Number.isNaN(+value) ? value.trim() : +value;
-}
-
-function fill(form, content) {
-  for (const field of form.elements)
-    if (field.name) field.value = written(field.name.split("\n").reduce((part, key) => part?.[key], content));
-}
-
-/** Content with what the fields say; what is blank is left out. */
-function gather(form, content = {}) {
-  for (const field of [...form.elements].filter(({ name }) => name)) {
-    const keys = field.name.split("\n");
-    const last = keys.pop();
-    const inner = keys.reduce((part, key) => (part[key] ??= {}), content);
-    if (field.value.trim()) inner[last] = meant(field);
-    else delete inner[last];
-  }
-  return content;
-}
-
-async function save(kind, file, content) {
-  const { backup } = await ask("save/", { kind, file, content: { schema: `haptune/${kind}/1`, ...content } });
+/** Put a file into the folder. */
+async function put(name, content) {
+  const { backup } = await ask(`file/${encodeURIComponent(name)}`, content, "PUT");
   await list();
-  say(`written: ${file}${backup ? `; the file before is ${backup}` : ""}`);
+  say(`written: ${name}${backup ? `; the file before is ${backup}` : ""}`);
+}
+
+async function run(button) {
+  say("");
+  const { exit_code, message, outputs, findings } = await ask("run/", wordsOf(button));
+  say(message ?? (outputs.length ? `written: ${outputs.join(", ")}` : ""), exit_code !== 0);
+  await list();
+  for (const kind of KINDS) if (outputs.includes(`${kind}.yaml`)) $(`${kind}-file`).value = `${kind}.yaml`;
+  if (outputs.includes("scene.yaml")) seen.text = $("scene-text").value;
+  if (!$("log").hidden) seen.findings = findings;
+  seen.outputs.push(...outputs);
+  if (!exit_code && button.dataset.next) location.hash = button.dataset.next;
+  else await view();
 }
 
 // Log -----------------------------------------------------------------------------------------
 
 const UNITS = { force: "N (N·m)", position: "m (rad)", reference: "m (rad)" };
-const GAINS = { 1: "N, N·m, m, rad, s", 0.001: "mN, mm, ms", 0.000001: "µm, µs", 0.017453292519943295: "degrees" };
-const logFile = () => $("log-file").value;
-const has = (name) => seen.files?.some((file) => file.name === name);
-const hardware = () => (has("hardware.yaml") ? ["--hardware", "hardware.yaml"] : []);
-const columns = () =>
-  Object.entries(gather($("columns"))).flatMap(([key, value]) => [`--${key.replace("_", "-")}`, String(value)]);
+const stated = () => seen.files.some((file) => file.name === "hardware.yaml");
 
-async function showLog(span) {
-  if (!logFile()) return;
-  const told = await ask("log/", { file: logFile(), columns: gather($("columns")), span });
-  for (const box of $("columns").querySelectorAll("select")) {
-    const chosen = box.value;
-    box.replaceChildren(option("", "as named"), ...told.names.map((name) => option(name)));
-    box.value = chosen;
+/** What the fields of a form say, of which a name may lead into a group; blank ones are left out. */
+function gather(form) {
+  const found = {};
+  for (const { name, value, tagName } of form.elements) {
+    const [key, inner] = name.split(".");
+    const meant = tagName === "SELECT" || Number.isNaN(+value) ? value : +value;
+    if (name && value.trim()) found[key] = inner ? { ...found[key], [inner]: meant } : meant;
   }
-  $("curves").replaceChildren();
-  $("reading").textContent = told.problem ?? "";
-  if (told.problem) return;
-  const rate = `${told.rows} rows, ${(1 / told.sample_time).toPrecision(4)} Hz`;
-  const how = told.read_as ? `; read with ${told.read_as}` : "";
-  $("reading").textContent = `${rate}${how}. Drag over a curve to look closer, double-click for all of it.`;
-  const own = seen.findings.filter(({ at, source }) => at && source === logFile());
-  const spans = own.flatMap(({ at, code }) => at.map(([from, to]) => ({ from, to, code })));
-  for (const [name, [x, y]] of Object.entries(told.curves)) {
-    const where = make("div");
-    $("curves").append(where);
-    chart(where, {
-      title: `${name}, ${UNITS[name]}`, x: { label: "time, s", ends: span ?? told.whole }, y: {},
-      lines: [{ x, y, kind: "line" }], spans, height: 170, onspan: (ends) => guarded(() => showLog(ends)),
-    });
-  }
-}
-
-function showFindings(findings) {
-  seen.findings = findings;
-  const place = ({ at = [] }) => at.slice(0, 5).map(([from]) => ` at ${from.toPrecision(4)} s`).join(",");
-  $("findings").replaceChildren(
-    ...findings.flatMap((each) => [
-      make("dt", { className: `is-${each.severity}`, textContent: `${each.severity}: ${each.code}${place(each)}` }),
-      make("dd", { textContent: `${each.seen}; needed: ${each.needed}. ${each.remedy}` }),
-    ]),
-  );
-}
-
-async function afterLog(result) {
-  showFindings(result.findings);
-  await showLog();
-  if (!result.outputs.some((name) => name.endsWith("fit.png"))) return;
-  const part = (which) => make("img", { src: `file/@fit.png?${Date.now()}`, alt: `Fit of the log, part ${which}` });
-  $("fit").firstElementChild.replaceChildren(...[1, 2, 3].map(part));
-  $("fit").hidden = false;
+  return found;
 }
 
 async function showFacts() {
-  seen.hardware = has("hardware.yaml") ? (await ask("read/", { file: "hardware.yaml" })).content : {};
-  fill($("facts"), seen.hardware);
+  seen.facts = stated() ? (await ask("show/document", { file: "hardware.yaml" })).content : {};
+  for (const field of $("facts").elements) {
+    const [key, inner] = field.name.split(".");
+    const fact = inner ? seen.facts[key]?.[inner] : seen.facts[key];
+    field.value = fact?.value ?? fact ?? "";
+  }
 }
 
-async function take(file) {
-  const there = seen.files.find(({ name }) => name === file.name);
-  if (there?.bytes !== file.size) {
-    if (!confirm(`Put ${file.name} into ${$("folder").textContent}?`)) return;
-    await ask(`drop/${encodeURIComponent(file.name)}`, file, "PUT");
-    await list();
+async function showLog() {
+  if (!chosen("log")) return;
+  const told = await ask("show/log", { file: chosen("log"), columns: gather($("columns")) });
+  for (const box of $("columns").querySelectorAll("select")) offer(box, ["", ...told.names], "");
+  $("reading").textContent = told.reading;
+  $("curves").replaceChildren();
+  const spans = seen.findings.flatMap(({ at, code }) =>
+    at.map(([from, to], row) => ({ from, to, words: row ? "" : code })));
+  for (const [name, [x, y]] of Object.entries(told.curves)) {
+    const where = $("curves").appendChild(make("div"));
+    const lines = [{ x, y, kind: "line" }];
+    chart(where, { title: `${name}, ${UNITS[name]}`, x: { label: "time, s" }, lines, spans, height: 170 });
   }
-  $("log-file").value = file.name;
-  $("log-file").onchange();
+  $("findings").replaceChildren(
+    ...seen.findings.flatMap(({ severity, code, at, seen: found, needed, remedy }) => [
+      make("dt", { className: `is-${severity}` }, `${severity}: ${code}`, at.length ? ` at ${at[0][0].toPrecision(4)} s` : ""),
+      make("dd", {}, `${found}; needed: ${needed}. ${remedy}`),
+    ]),
+  );
+  $("fit").hidden = !seen.outputs.includes("fit.png");
+  for (const part of $("fit").querySelectorAll("img")) if (!$("fit").hidden) part.src = `file/fit.png?${Date.now()}`;
 }
 
 // Device and scene ----------------------------------------------------------------------------
 
-const EFFECTS = ["stiffness", "damping", "mass"];
-const KINDS = {
-  wall: { stiffness: "max", damping: "max", one_sided: true }, fluid: { damping: "max" },
-  object: { mass: "max" }, spring: { stiffness: "max" }, lightness: { damping: "min" },
-};
-const WISHES = { stiffness: "stiffness, N/m (N·m/rad)", damping: "damping, N·s/m (N·m·s/rad)", mass: "mass, kg (kg·m²)" };
-const MOTIONS = {
-  speed: "speed, m/s (rad/s)", acceleration: "acceleration, m/s² (rad/s²)",
-  penetration: "how deep it must last, m (rad)", priority: "priority",
+function table({ headings, rows, numeric, title, lines }) {
+  const row = (cells, tag) => make("tr", {}, ...cells.map((text, place) => make(tag, { className: numeric[place] ? "number" : "" }, text)));
+  const made = make("table", {}, make("caption", {}, title), row(headings, "th"), ...rows.map((cells) => row(cells, "td")));
+  return make("div", { className: "wide" }, made, ...lines.map((line) => make("p", { className: "faint" }, line)));
+}
+
+const ELEMENTS = {
+  wall: "{stiffness: max, damping: max, one_sided: true}",
+  fluid: "{damping: max}",
+  object: "{mass: max}",
+  spring: "{stiffness: max}",
+  lightness: "{damping: min}",
 };
 
-function table({ headings, rows, numeric, title, lines }) {
-  const cell = (tag) => (text, place) => make(tag, { textContent: text, className: numeric[place] ? "number" : "" });
-  const row = (cells, tag) => make("tr", {}, ...cells.map(cell(tag)));
-  const notes = lines.map((text) => make("tr", {}, make("td", { colSpan: headings.length, textContent: text })));
-  return make("table", {}, make("caption", { textContent: title }), make("thead", {}, row(headings, "th")),
-    make("tbody", {}, ...rows.map((cells) => row(cells, "td"))), make("tfoot", {}, ...notes));
+/** One more element of a kind, at the head of the elements of the scene's text. */
+function add(kind) {
+  const text = $("scene-text").value;
+  let name = kind;
+  while (text.includes(`  ${name}:`)) name += "_2";
+  $("scene-text").value = text.replace(/^elements:\n/m, `elements:\n  ${name}: ${ELEMENTS[kind]}\n`);
 }
 
 async function showDevice() {
-  if (!$("device-file").value) return;
-  const told = await ask("read/", { file: $("device-file").value });
-  $("device-table").replaceChildren(table(told.table));
-  const open = told.missing.map(({ key, hint }) => `${key}${hint ? ` (a hint, not used: ${hint})` : ""}`);
-  if (open.length) say(`To be stated before anything is certified: ${open.join("; ")}`);
-}
-
-async function showScene() {
-  if ($("scene-file").value) seen.scene = (await ask("read/", { file: $("scene-file").value })).content;
-  $("scene").hidden = !seen.scene;
-  if (seen.scene) drawScene();
-}
-
-function drawScene() {
-  const { elements } = seen.scene;
-  $("elements").replaceChildren(
-    ...Object.entries(elements).map(([name, element]) => {
-      const kind = element.one_sided ? "wall" : EFFECTS.filter((effect) => effect in element).join(" and ");
-      const field = ([key, words]) =>
-        labelled(words, make("input", { name: `elements\n${name}\n${key}`, id: `${name}.${key}` }));
-      const remove = () => (gather($("scene"), seen.scene), delete elements[name], drawScene());
-      return make("fieldset", {}, make("legend", { textContent: `${name}: ${kind}` }),
-        ...Object.entries(WISHES).map(field),
-        make("details", {}, make("summary", { textContent: "how the hand moves" }), ...Object.entries(MOTIONS).map(field)),
-        make("button", { type: "button", textContent: `Remove ${name}`, onclick: remove }));
-    }),
-  );
-  fill($("scene"), { margin: "balanced", ...seen.scene });
-}
-
-function addElement(kind) {
-  gather($("scene"), seen.scene);
-  let name = kind;
-  while (name in seen.scene.elements) name += "_2";
-  seen.scene.elements[name] = { ...KINDS[kind] };
-  drawScene();
+  if (chosen("device"))
+    $("device-table").replaceChildren(table((await ask("show/document", { file: chosen("device") })).table));
+  if (!chosen("scene") || $("scene-text").value !== seen.text) return;
+  seen.text = $("scene-text").value = (await ask("show/document", { file: chosen("scene") })).text;
 }
 
 // Profile -------------------------------------------------------------------------------------
 
 const MARGINS = ["firm", "balanced", "conservative"];
-const { linear, root, log } = SCALES;
-const names = [(word) => MARGINS.indexOf(word), (p) => MARGINS[p]];
-const rounded = (value) => (typeof value === "number" ? Number(value.toPrecision(4)) : value);
-const gainsOf = (element) => Object.fromEntries(EFFECTS.map((effect) => [effect, element[effect]]));
+const SLIDES = { ...SCALES, margin: [(word) => MARGINS.indexOf(word), (place) => MARGINS[place]] };
 
 async function showProfile() {
-  if (!$("profile-file").value) return;
-  seen.profile = await ask("read/", { file: $("profile-file").value });
-  const { content, verdict, title, bars, notes } = seen.profile;
-  $("verdict").textContent = `${title}: ${verdict}`;
-  const rows = bars.map(({ words, binds }) => (binds ? words.with(-1, `${words.at(-1)} (binds)`) : words));
-  const headings = ["effect", "value", "steps", "limit"];
-  const numeric = [false, true, true, false];
-  $("bars").replaceChildren(table({ title: "What is played, and what limits it", headings, numeric, rows, lines: notes }));
-  $("bars").querySelectorAll("tbody td:last-child").forEach((cell, row) => {
-    const { part } = bars[row];
-    cell.append(make("progress", { value: part, title: `${(100 * part).toFixed(1)} % is used` }));
-  });
-  $("element").replaceChildren(...Object.keys(content.elements).map((name) => option(name)));
-  backToProfile();
+  if (!chosen("profile")) return;
+  seen.profile = await ask("show/document", { file: chosen("profile") });
+  const { content, verdict, table: limits } = seen.profile;
+  $("verdict").textContent = verdict;
+  $("limits").replaceChildren(table(limits), ...content.notes.map((note) => make("p", {}, note)));
+  offer($("element"), Object.keys(content.elements), "");
+  start();
 }
 
-function backToProfile() {
-  const { loop, margin, elements } = seen.profile.content;
-  seen.gains = Object.fromEntries(Object.entries(elements).map(([name, element]) => [name, gainsOf(element)]));
-  const { velocity_filter_hz = null, acceleration_filter_hz = null } = loop;
-  seen.loop = { velocity_filter_hz, acceleration_filter_hz, margin: margin.name ?? "balanced", extra_delay_samples: 0 };
-  seen.start = JSON.stringify([seen.gains, seen.loop]);
-  drawSliders();
+/** The sliders of the chosen element, where the profile has it. */
+function start() {
+  const { units, content: { device, loop, margin, elements } } = seen.profile;
+  const { stiffness, damping, mass, one_sided } = elements[$("element").value];
+  const [m, b, rate] = [device.mass.value, device.damping.value, 1 / loop.sample_time];
+  const most = (effect, least) => 2 * Math.max(least, ...Object.values(elements).map((each) => Math.abs(each[effect])));
+  seen.state = {
+    stiffness, damping, mass, margin: margin.name, extra_delay_samples: 0,
+    velocity_filter: loop.velocity_filter_hz, acceleration_filter: loop.acceleration_filter_hz,
+  };
+  const sliders = [
+    ["stiffness", `stiffness K, ${units.stiffness}`, "root", one_sided ? 1 : 0, most("stiffness", 100)],
+    ["damping", `damping B, ${units.damping}`, "root", one_sided ? 0 : -b, most("damping", 10 * b)],
+    ["mass", `mass M, ${units.mass}`, "root", -0.9 * m, most("mass", m)],
+    ["velocity_filter", "velocity cut-off, Hz", "log", rate / 1000, rate / 2],
+    ["acceleration_filter", "acceleration cut-off, Hz", "log", rate / 1000, rate / 2],
+    ["margin", "margin", "margin", "firm", "conservative"],
+    ["extra_delay_samples", "more delay, samples", "linear", 0, 4],
+  ];
+  const used = sliders.filter(([key]) => seen.state[key] != null && !(one_sided && key === "mass"));
+  $("sliders").replaceChildren(...used.map(slider));
+  seen.start = JSON.stringify(seen.state);
   move(true);
 }
 
-function drawSliders() {
-  const { units, mass, rate, content } = seen.profile;
-  const gains = seen.gains[$("element").value];
-  const b = content.device.damping.value;
-  const most = (effect, least) => {
-    const played = Object.values(content.elements).map((element) => Math.abs(element[effect]));
-    return 2 * Math.max(least, ...played);
+function slider([key, words, scale, low, high]) {
+  const [to, from] = SLIDES[scale];
+  const step = scale === "margin" ? 1 : "any";
+  const slide = make("input", { type: "range", min: to(low), max: to(high), step, id: `slide-${key}` });
+  const exact = make("output", {}, seen.state[key]);
+  slide.value = to(seen.state[key]);
+  slide.oninput = () => {
+    const moved = from(+slide.value);
+    seen.state[key] = exact.textContent = scale === "margin" ? moved : Number(moved.toPrecision(4));
+    move(false);
   };
-  const sliders = [
-    [gains, "stiffness", `stiffness K, ${units.stiffness}`, root, 0, most("stiffness", 100)],
-    [gains, "damping", `damping B, ${units.damping}`, root, -b, most("damping", 10 * b)],
-    [gains, "mass", `mass M, ${units.mass}`, root, -0.9 * mass, most("mass", mass)],
-    [seen.loop, "velocity_filter_hz", "velocity cut-off, Hz", log, rate / 1000, rate / 2],
-    [seen.loop, "acceleration_filter_hz", "acceleration cut-off, Hz", log, rate / 1000, rate / 2],
-    [seen.loop, "margin", "margin", names, "firm", "conservative"],
-    [seen.loop, "extra_delay_samples", "more delay, samples", linear, 0, 4],
-  ];
-  const slider = ([of, key, words, [to, from], low, high]) => {
-    const step = key === "margin" ? 1 : "any";
-    const slide = make("input", { type: "range", min: to(low), max: to(high), step, id: `slide-${key}` });
-    const exact = make("output", { textContent: of[key] });
-    slide.value = to(of[key]);
-    slide.oninput = () => {
-      of[key] = rounded(from(+slide.value));
-      exact.textContent = of[key];
-      move(false);
-    };
-    return make("label", {}, make("span", { textContent: words }), slide, exact);
-  };
-  $("sliders").replaceChildren(...sliders.filter(([of, key]) => of[key] !== null).map(slider));
-}
-
-function mark(words, kind) {
-  $("mark").textContent = words;
-  $("mark").className = kind;
+  return make("label", {}, make("span", {}, words), slide, exact);
 }
 
 const moving = { wanted: null, busy: false, rest: 0 };
 /** Ask for where the sliders stand: at once while they move, to be proved when they rest. */
 async function move(proved) {
-  const name = $("element").value;
-  const moved = JSON.stringify([seen.gains, seen.loop]) !== seen.start;
-  $("report").disabled = $("export").disabled = moved;
-  $("back").disabled = $("wish").disabled = !moved;
+  const moved = JSON.stringify(seen.state) !== seen.start;
+  $("whole").disabled = moved;
   if (moved) mark("not proved", "open");
-  const files = { device: $("device-file").value, profile: $("profile-file").value };
-  const ends = proved ? null : seen.ends[name];
-  moving.wanted = { asked: { ...files, ...seen.gains[name], ...seen.loop, ends, proved }, name, moved };
+  const files = { device: chosen("device"), profile: chosen("profile"), element: $("element").value };
+  moving.wanted = { ...files, ...seen.state, ends: proved ? null : seen.ends, proved };
   clearTimeout(moving.rest);
   if (!proved) moving.rest = setTimeout(() => move(true), 400);
   if (moving.busy) return;
   moving.busy = true;
-  try {
+  await guarded(async () => {
     while (moving.wanted) {
-      const now = moving.wanted;
+      const asked = moving.wanted;
       moving.wanted = null;
-      drawMoved(await ask("move/", now.asked), now);
+      draw(await ask("show/moved", asked), asked);
     }
-  } catch (error) {
-    say(error.message, true);
-  }
+  });
   moving.busy = false;
 }
 
-function drawMoved(told, { asked, name, moved }) {
-  const { units } = seen.profile;
-  seen.ends[name] = told.ends;
-  const rested = told.safe ? "this element alone is proved safe; the whole is not proved" : "not safe as it stands";
-  if (!moved) mark(`proved: ${asked.profile}`, "proved");
-  else mark(asked.proved ? rested : "not proved", "open");
-  $("audited").textContent = told.command.length ? shell(told.command) : "audit has no option for a moving window";
-  const nearest = told.nearest.flatMap((value, place) => (value ? [`${EFFECTS[place]} ${rounded(value)}`] : []));
-  const wrong = nearest.length ? [...told.faults, `nearest safe values: ${nearest.join(", ")}`] : told.faults;
-  $("faults").replaceChildren(...wrong.map((words) => make("li", { className: "unsafe", textContent: words })));
-  $("audit").replaceChildren(table(told.table));
-  drawRegion(told, asked, name);
-  const force = `${told.force.toPrecision(3)} ${units.force}`;
-  const answer = asked.stiffness > 0 ? `position, ${units.length}` : `speed, ${units.speed}`;
-  const [x, y] = told.step;
-  chart($("step"), {
-    title: `answer to a step of ${force}: ${answer}`, x: { label: "time, s" }, y: {},
-    lines: [{ x, y, kind: "line dark", name: "best estimate" }],
-  });
-  const { hertz } = told.felt;
-  for (const which of ["mass", "damping"])
-    chart($(`felt-${which}`), {
-      title: `${which} that is felt of it, ${units[which]}`, x: { label: "frequency of the hand, Hz", scale: "log" }, y: {},
-      lines: [
-        { x: hertz, y: told.felt[which], kind: "line dark", name: "felt" },
-        { x: [hertz[0], hertz.at(-1)], y: [asked[which], asked[which]], kind: "line edge", name: "asked for" },
-      ],
-    });
+function mark(words, kind) {
+  Object.assign($("mark"), { textContent: words, className: kind });
 }
 
-function drawRegion({ ends, region: { damping, best, worst, safe } }, asked, name) {
-  const { units } = seen.profile;
-  const points = Object.entries(seen.gains).map(([text, { stiffness, damping: B, mass }]) => (
-    { x: B, y: stiffness, text, now: text === name, apart: mass !== asked.mass }
+function draw(told, { device, profile, element, ends, proved, ...state }) {
+  const { units, content: { elements } } = seen.profile;
+  seen.ends = told.ends;
+  const rested = told.safe ? "this element alone is proved safe; the whole is not proved" : "not safe as it stands";
+  if (JSON.stringify(seen.state) === seen.start) mark(`proved: ${profile}`, "proved");
+  else mark(proved ? rested : "not proved", "open");
+  const given = Object.entries(state).flatMap(([key, now]) => (now ? [`--${key.replaceAll("_", "-")}`, now] : []));
+  $("audited").textContent = shell(["audit", device, "--like", `${profile},${element}`, ...given]);
+  $("faults").replaceChildren(...told.faults.map((words) => make("li", { className: "is-refusal" }, words)));
+  $("audit").replaceChildren(table(told.table));
+  const [damping, best, worst, safe] = told.region;
+  const points = Object.entries({ ...elements, [element]: state }).map(([words, each]) => (
+    { x: each.damping, y: each.stiffness, words, now: words === element }
   ));
-  const high = 1.15 * Math.max(...safe, asked.stiffness) || Math.max(...best.filter(Number.isFinite)) || 1;
+  const high = 1.15 * Math.max(...safe, state.stiffness) || Math.max(...best.filter(Number.isFinite)) || 1;
   chart($("region"), {
-    title: `stable stiffness and damping at M = ${asked.mass} ${units.mass}`, points,
-    x: { label: `damping B, ${units.damping}`, scale: "root", ends },
+    title: `stable stiffness and damping at M = ${state.mass} ${units.mass}`, points,
+    x: { label: `damping B, ${units.damping}`, scale: "root", ends: told.ends },
     y: { scale: "root", ends: [0, high] },
     lines: [
       { x: damping, y: best, kind: "area pale", name: "stable, best estimate" },
@@ -414,106 +259,81 @@ function drawRegion({ ends, region: { damping, best, worst, safe } }, asked, nam
       { x: damping, y: worst, kind: "line edge", name: "worst corner of the box" },
     ],
   });
-}
-
-async function askForThis() {
-  if (!seen.scene) await showScene();
-  const { content } = seen.profile;
-  for (const [name, element] of Object.entries(seen.scene.elements))
-    for (const effect of EFFECTS)
-      if (name in seen.gains && seen.gains[name][effect] !== content.elements[name][effect])
-        element[effect] = seen.gains[name][effect];
-  for (const key of ["velocity_filter_hz", "acceleration_filter_hz"])
-    if (seen.loop[key] !== (content.loop[key] ?? null)) seen.scene.loop = { ...seen.scene.loop, [key]: seen.loop[key] };
-  seen.scene.margin = seen.loop.margin;
-  drawScene();
-  location.hash = "#device";
-  say("The scene asks for it now. Save it, and tune.");
+  const answer = state.stiffness > 0 ? `position, ${units.length}` : `speed, ${units.speed}`;
+  chart($("step"), {
+    title: `answer to a step of ${told.force.toPrecision(3)} ${units.force}: ${answer}`, x: { label: "time, s" },
+    lines: told.step.map(([x, y], row) => ({ x, y, kind: "line dark", name: row ? "" : "every corner of the box" })),
+  });
+  const [hertz, ...felt] = told.felt;
+  ["mass", "damping"].forEach((which, row) => chart($(`felt-${which}`), {
+    title: `${which} that is felt of it, ${units[which]}`, x: { label: "frequency of the hand, Hz", scale: "log" },
+    lines: [
+      { x: hertz, y: felt[row], kind: "line dark", name: "felt" },
+      { x: [hertz[0], hertz.at(-1)], y: [state[which], state[which]], kind: "line edge", name: "asked for" },
+    ],
+  }));
 }
 
 // Wiring --------------------------------------------------------------------------------------
 
-const SHOW = {
-  log: async () => (await showFacts(), await showLog()),
-  device: async () => (await showDevice(), await (seen.scene ? null : showScene())),
-  profile: showProfile,
-};
+const SHOW = { log: showLog, device: showDevice, profile: showProfile };
 async function view() {
   const name = location.hash.slice(1) in SHOW ? location.hash.slice(1) : "log";
   for (const each of Object.keys(SHOW)) $(each).hidden = each !== name;
   for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#${name}`);
+  $("reported").hidden = !seen.outputs.includes("report.html");
   await guarded(SHOW[name]);
 }
 
-const value = (kind) => $(`${kind}-file`).value;
-const picture = () => ["--picture", "@fit.png"];
-const reportLogs = () => {
-  const used = seen.profile?.content.device.logs?.some(({ source }) => source === logFile());
-  return used ? [logFile(), ...columns()] : [];
-};
-const targets = () => [...$("targets").querySelectorAll(":checked")].map((box) => box.value).join(",") || "c";
-action("examine", () => logFile() && ["doctor", logFile(), ...columns(), ...hardware()], afterLog, picture);
-const identify = () => logFile() && ["identify", logFile(), ...columns(), ...hardware(), "-o", "device.yaml"];
-action("identify", identify, async (result) => {
-  await afterLog(result);
-  if (!result.exit_code) $("device-file").value = "device.yaml";
-}, picture);
-const example = () => ["new", "scene", ...(value("device") ? ["--device", value("device")] : []), "-o", "scene.yaml"];
-action("new-scene", example, () => {
-  $("scene-file").value = "scene.yaml";
-  return showScene();
-});
-action("tune", () => value("scene") && ["tune", value("device"), value("scene"), "-o", "profile.yaml"], (result) => {
-  if (result.exit_code) return;
-  $("profile-file").value = "profile.yaml";
-  location.hash = "#profile";
-});
-const report = () => value("profile") && ["report", value("profile"), ...reportLogs(), "-o", "report.html"];
-action("report", report, (result) => {
-  const link = make("a", { href: "file/report.html", target: "_blank", textContent: "Open the report" });
-  if (!result.exit_code) $("reported").replaceChildren(link);
-});
-action("export", () => value("profile") && ["export", value("profile"), "--to", targets(), "-o", "controller"]);
+/** The words of a command, with what {} stands for; "" where there is none. */
+function wordsOf({ dataset }) {
+  const columns = Object.entries(gather($("columns"))).map(([key, text]) => `--${key.replace("_", "-")}=${text}`);
+  const its = seen.profile?.content.device.logs?.some(({ source }) => source === chosen("log"));
+  const words = {
+    log: [chosen("log"), ...columns], its_log: its ? [chosen("log"), ...columns] : [],
+    hardware: stated() ? ["--hardware", "hardware.yaml"] : [], to: [`--to=${$("to").value}`],
+    device: [chosen("device")], scene: [chosen("scene")], profile: [chosen("profile")],
+  };
+  return dataset.run.split(" ").flatMap((word) => words[word.slice(1, -1)] ?? word);
+}
 
-const target = (name) => make("input", { type: "checkbox", value: name, checked: name === "c", onchange: refresh });
-$("targets").append(...["c", "ros2", "chai3d", "json"].map((name) => labelled(name, target(name))));
-$("gains").append(...Object.entries(GAINS).map(([size, label]) => make("option", { value: size, label })));
-const adder = (kind) => make("button", { type: "button", textContent: `Add ${kind}`, onclick: () => addElement(kind) });
-$("adding").append(...Object.keys(KINDS).map(adder));
-
-const saves = {
-  facts: () => save("hardware", "hardware.yaml", gather($("facts"), seen.hardware)),
-  scene: () => save("scene", value("scene") || "scene.yaml", gather($("scene"), seen.scene)),
+document.onclick = ({ target }) => {
+  if (target.dataset.run) guarded(() => run(target));
+  if (target.id === "cancel") ask("stop/", {});
+  if (target.id === "back") start();
+  if (target.dataset.kind) add(target.dataset.kind);
+  if (target.id === "save-scene") guarded(() => put(chosen("scene") || "scene.yaml", (seen.text = $("scene-text").value)));
+  if (target.id === "state")
+    guarded(() => put("hardware.yaml", JSON.stringify({ schema: "haptune/hardware/1", ...seen.facts, ...gather($("facts")) })));
 };
-for (const [id, work] of Object.entries(saves)) $(id).onsubmit = (event) => (event.preventDefault(), guarded(work));
-$("cancel").onclick = () => ask("stop/", {});
-$("columns").onchange = () => guarded(() => showLog());
-$("log-file").onchange = () => {
-  $("columns").reset();
-  showFindings([]);
-  $("fit").hidden = true;
-  guarded(() => showLog());
-};
-$("device-file").onchange = () => guarded(showDevice);
-$("scene-file").onchange = () => guarded(showScene);
-$("profile-file").onchange = () => guarded(showProfile);
-$("element").onchange = () => (drawSliders(), move(true));
-$("back").onclick = backToProfile;
-$("wish").onclick = () => guarded(askForThis);
-$("dropped").onchange = ({ target: { files } }) => files[0] && guarded(() => take(files[0]));
-document.ondragover = (event) => event.preventDefault();
-document.ondrop = (event) => {
-  event.preventDefault();
-  const [file] = event.dataTransfer.files;
-  if (file) guarded(() => take(file));
-};
+document.onchange = ({ target }) => guarded(async () => {
+  if (target.id === "dropped") {
+    const [file] = target.files;
+    if (!confirm(`Put ${file.name} into ${$("folder").textContent}?`)) return;
+    await put(file.name, file);
+    $("log-file").value = file.name;
+  }
+  if (target.id === "scene-file") seen.text = $("scene-text").value;
+  if (["dropped", "log-file"].includes(target.id)) {
+    $("columns").reset();
+    Object.assign(seen, { findings: [], outputs: [] });
+  }
+  if (target.tagName === "SELECT" || target.list || target.id === "dropped") await view();
+});
 window.onhashchange = view;
-window.onresize = () => $("profile").hidden || move(true);
+window.onresize = view;
 
+/** Tell what runs, as long as this tab is open. */
 async function beat() {
   const { body } = await fetch("alive/");
-  for (const reader = body.getReader(); !(await reader.read()).done; );
+  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+  for (let part = await reader.read(); !part.done; part = await reader.read()) {
+    const stage = part.value.trim().split("\n").at(-1);
+    $("job").hidden = !stage;
+    $("stage").textContent = stage;
+  }
 }
 beat().catch(() => {}).finally(() => say("haptune has ended; start it again with haptune open.", true));
 await guarded(list);
+await guarded(showFacts);
 await view();

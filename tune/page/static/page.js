@@ -318,10 +318,10 @@ document.onchange = ({ target }) => guarded(async () => {
     $("columns").reset();
     Object.assign(seen, { findings: [], outputs: [] });
   }
-  if (target.tagName === "SELECT" || target.list || target.id === "dropped") await view();
+  if (target.form !== $("facts") && !["range", "textarea"].includes(target.type)) await view();
 });
 window.onhashchange = view;
-window.onresize = view;
+window.onresize = () => $("profile").hidden || move(true);
 
 /** Tell what runs, as long as this tab is open. */
 async function beat() {

@@ -42,7 +42,8 @@ def test_calibrate_asks_for_columns_and_facts_and_goes_on(monkeypatch: pytest.Mo
     ended = _typed(
         monkeypatch,
         ("1", "9", "motor", "1", *FACTS),
-        *("calibrate", "log.csv", "--scene", "scene.yaml"),
+        # The file that answers are kept in may be named before it is there, no other.
+        *("calibrate", "log.csv", "--scene", "scene.yaml", "--hardware", "hardware.yaml"),
     )
     assert ended.code == 0, ended.err
     assert "Which column is the time" in ended.err
@@ -57,6 +58,11 @@ def test_calibrate_asks_for_columns_and_facts_and_goes_on(monkeypatch: pytest.Mo
     again = _typed(monkeypatch, ("yes",), "calibrate", "log.csv", "--scene", "scene.yaml", *columns)
     assert again.code == 0, again.err
     assert "encoder" not in again.err
+    lost = _typed(
+        monkeypatch, FACTS, "identify", "log.csv", *columns, "--hardware", "hardwear.yaml"
+    )
+    assert lost.code == 3
+    assert "hardwear.yaml: cannot be read" in lost.err
 
 
 def test_tune_asks_for_what_a_device_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,6 +82,9 @@ def test_without_a_person_it_ends_as_before(option: str, monkeypatch: pytest.Mon
     ended = _typed(monkeypatch, FACTS, *arguments, option)
     assert ended.code == 3
     assert "does not state motion" in ended.err
+    named = _typed(monkeypatch, FACTS, *arguments, option, "--hardware", "hardware.yaml")
+    assert named.code == 3
+    assert "hardware.yaml: cannot be read" in named.err
     assert not Path("hardware.yaml").exists()
 
 

@@ -44,7 +44,7 @@ def test_a_usable_log() -> None:
     assert "1000 Hz" in lines["rate"]
     assert f"{np.ptp(position):.4g} m" in lines["travel"]
     assert f"{np.abs(force).max():.4g} N" in lines["peak force"]
-    assert "6e-06 m" in lines["encoder count"]
+    assert "6 µm" in lines["encoder count"]
     assert "usable" in ended.out
     assert "not usable" not in ended.out
     assert files() == {"homerehab.csv", "homerehab.hardware.yaml"}

@@ -30,6 +30,27 @@ from tune.cli import main
 sys.argv[0] = "haptune"
 main()
 """
+#: Ctrl-C at the first question before its answer is read, in a destructor, which drops it.
+_DROPPED = """
+import os, signal, sys
+from tune.cli.session import Session
+ask = Session.ask
+class Dying:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+class Stream:
+    def __init__(self, inner):
+        self.write = inner.write
+        self.inner = inner
+    def flush(self):
+        self.inner.flush()
+        sys.stderr = self.inner
+        Dying()
+def ask_late(session, question):
+    sys.stderr = Stream(sys.stderr)
+    return ask(session, question)
+Session.ask = ask_late
+"""
 #: Question and answer of columns, of a unit that no header can convert, and of facts.
 COLUMNS = (
     ("Which column is the time", "stamps [ms]"),
@@ -49,13 +70,13 @@ FACTS = (
 class _Terminal:
     """A command on a terminal of 80 columns: what it shows, what a person types."""
 
-    def __init__(self, *arguments: str) -> None:
+    def __init__(self, *arguments: str, before: str = "") -> None:
         import pty
 
         self.screen, inner = pty.openpty()
         self.shown, self._seen = "", 0
         self.process = subprocess.Popen(
-            [sys.executable, "-c", _MAIN, *arguments],
+            [sys.executable, "-c", before + _MAIN, *arguments],
             stdin=inner,
             stdout=inner,
             stderr=inner,
@@ -159,3 +180,10 @@ def test_an_interrupt_while_it_tunes_leaves_the_answers_whole() -> None:
     assert "Traceback" not in terminal.shown
     assert load_document(Hardware, Path("hardware.yaml")).motion == "linear"
     assert {path.name for path in Path().iterdir()} == {"log.csv", "scene.yaml", "hardware.yaml"}
+
+
+def test_an_interrupt_that_is_dropped_before_the_answer_is_read_ends_the_question() -> None:
+    terminal = _Terminal("calibrate", "log.csv", "--scene", "scene.yaml", before=_DROPPED)
+    assert terminal.end() == 130, terminal.shown
+    assert COLUMNS[0][0] in terminal.shown
+    assert "interrupted" in terminal.shown

@@ -238,17 +238,16 @@ def _examination_table(seen: Examination) -> Table:
 
     units = units_of(seen.motion)
     table = headed_table(seen.source, ("seen in the log", "value"))
-    rate = f"{1 / seen.sample_time:.4g} Hz, usual step {seen.sample_time * 1e3:.4g} ms"
-    count = "none seen" if seen.count is None else f"{seen.count:.4g} {units['length']}"
-    complete = seen.fitted is None or seen.fitted == seen.samples
-    part = "" if complete else f", fitted the {seen.fitted} that move most"
+    small = f"µ{units['length'].replace('(', '(µ')}"
+    count = "none seen" if seen.count is None else f"{1e6 * seen.count:.4g} {small}"
+    part = "" if seen.fitted in (None, seen.samples) else f", fitted the {seen.fitted} moving most"
     for name, value in (
         ("length", f"{seen.duration:.4g} s, {seen.samples} samples{part}"),
-        ("rate", rate),
+        ("rate", f"{1 / seen.sample_time:.4g} Hz, usual step {1e3 * seen.sample_time:.4g} ms"),
         ("travel", f"{seen.travel:.4g} {units['length']}"),
         ("peak speed", f"{seen.peak_speed:.4g} {units['speed']}"),
         ("peak force", f"{seen.peak_force:.4g} {units['force']}"),
-        ("encoder count", f"{count}; noise of a reading {seen.noise:.2g} {units['length']} rms"),
+        ("encoder count", f"{count}; noise of a reading {1e6 * seen.noise:.2g} {small} rms"),
         ("excited band", f"{seen.band[0]:.3g} to {seen.band[1]:.3g} Hz"),
         ("mass", _quantity_words(seen.mass, units["mass"])),
         ("damping", _quantity_words(seen.damping, units["damping"])),
@@ -377,7 +376,9 @@ def _answer(session: Session, error: QuestionError) -> Any:
 
 
 def own_hardware(session: Session, given: Path | None) -> Path | None:
-    """The hardware file given, or that of this folder if a person wants it."""
+    """The hardware file given, unless answers are yet to make it, or this folder's if wanted."""
+    if session.asks and given == HARDWARE and not HARDWARE.is_file():
+        return None
     if given is None and session.asks and HARDWARE.is_file():
         wanted = session.ask(f"Take what {HARDWARE} of this folder states? yes or no")
         return None if wanted.lower().startswith("n") else HARDWARE

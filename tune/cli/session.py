@@ -6,13 +6,13 @@ import inspect
 import json
 import os
 import re
-import signal
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache, wraps
 from pathlib import Path
+from select import select
 from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args, get_type_hints
 
@@ -117,8 +117,8 @@ class Session:
         """A line that a person types; "" where there is none, or no more input."""
         sys.stderr.write(f"{printable(question)}: ")
         sys.stderr.flush()
-        if hasattr(signal, "siginterrupt"):  # polars makes Ctrl-C wait for the end of the line
-            signal.siginterrupt(signal.SIGINT, True)  # noqa: FBT003 - positional only
+        while os.name == "posix" and sys.stdin.isatty() and not select([0], [], [], 0.1)[0]:
+            pass  # Ctrl-C may wait for the end of a read: none is begun before there is a line
         return sys.stdin.readline().strip()
 
     def add_findings(self, findings: tuple[Finding, ...], *, quiet: bool | None = None) -> None:

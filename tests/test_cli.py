@@ -27,7 +27,8 @@ COMMANDS = {
     "--position-gain --axis --decimal --hardware --allow --method --margin --workers --scheduler "
     "--dry-run --json --quiet --verbose",
     "audit": "--stiffness --damping --mass --extra-delay-samples --velocity-filter "
-    "--acceleration-filter --filter-damping-ratio --margin --picture --json --quiet --verbose",
+    "--acceleration-filter --filter-damping-ratio --like --margin --picture --json --quiet "
+    "--verbose",
     "check": "--device --picture --json --quiet --verbose",
     "verify": "--element --gain --release --time --time-gain --force --position --force-gain "
     "--position-gain --axis --decimal --picture --json --quiet --verbose",

@@ -296,7 +296,6 @@ def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
     assert changed == {"damping"}
     assert "Tune again for it" in ended.err
     same = haptune("compare", "profile.yaml", "profile.yaml")
-    assert "encoder resolution µm 6 6 " in " ".join(same.out.split())
     assert same.code == 0, same.err
     assert "nothing of the device changed" in same.out
     assert same.out.startswith("safe: profile.yaml holds")

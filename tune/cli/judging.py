@@ -390,27 +390,26 @@ def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> 
         right=("old", "new", "change"),
     )
     for change in (*found.changes, *found.effects):
-        unit = units.get(_UNITS.get(change.name, change.name.rpartition(".")[2]), "s")
-        micro = change.name == "encoder_resolution"
+        effect = change.name.rpartition(".")[2]
+        kind = effect if change in found.effects else _UNITS.get(change.name)
         table.add_row(
             _plain(change.name),
-            "µ" * micro + unit,
-            _interval_words(change.old, 1e6 if micro else 1.0),
-            _interval_words(change.new, 1e6 if micro else 1.0),
+            "s" if kind is None else units[kind],
+            _interval_words(change.old),
+            _interval_words(change.new),
             "-" if change.part is None else f"{change.part:+.1%}",
             "-" if change in found.effects else "yes" if change.beyond else "no",
         )
     return table
 
 
-def _interval_words(side: Interval | None, scale: float) -> str:
-    """Value and half of its interval, scaled; both ends where there is no value between them."""
+def _interval_words(side: Interval | None) -> str:
+    """Value and half of its interval; both ends where there is no value between them."""
     if side is None:
         return "-"
     if side.value is None:
-        return f"{scale * side.low:.4g} .. {scale * side.high:.4g}"
-    half = f" ± {scale * side.half_width:.2g}" if side.half_width else ""
-    return f"{scale * side.value:.5g}{half}"
+        return f"{side.low:.4g} .. {side.high:.4g}"
+    return f"{side.value:.5g}" + (f" ± {side.half_width:.2g}" if side.half_width else "")
 
 
 def _comparison_details(found: Comparison) -> dict[str, object]:

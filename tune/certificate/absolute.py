@@ -249,10 +249,8 @@ def outermost_of(
         stated = (witness.free, witness.held) if witness else ()
         channels = [each and each.channels for each in stated]
         if len(moment) == 1 and witness and all(_is_of(moment[0], each) for each in channels):
-            K, taps = (
-                first.stiffness,
-                [each and (each[0].constant, each[0].taps) for each in channels],
-            )
+            K = first.stiffness
+            taps = [each and (each[0].constant, each[0].taps) for each in channels]
             keys[moment] = repr((first.damping / K, first.mass / K, taps))
             reach = (K * witness.gain, moment)
             best[keys[moment]] = max(best.get(keys[moment], reach), reach)

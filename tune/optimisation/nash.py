@@ -3,7 +3,7 @@
 Wanted values first, then the priorities: the product of the steps of one rank is made as large as
 can be, with at least one step for every effect of lower rank; then its sizes stay. Which effects
 can have a step at all is told by maximum feasible subsets, what binds at the end by the Lagrange
-multipliers.
+multipliers. What the product is by another number, as a cut-off, is raised by cutting planes.
 """
 
 from __future__ import annotations

@@ -154,19 +154,24 @@ def _graph(structure: _Structure) -> _Graph:
     y, weights = ca.SX.sym("y", count), ca.SX.sym("w", count)
     taken: list[Any] = []
 
+    def matrix(rows: int, columns: int) -> Any:
+        symbols = ca.SX.sym("p", columns, rows)
+        taken.append(ca.vec(symbols))
+        return symbols.T
+
     def take(*shape: int) -> Any:
         symbols = ca.SX.sym("p", int(np.prod(shape)))
         taken.append(symbols)
-        return np.array([symbols[i] for i in range(symbols.shape[0])], dtype=object).reshape(shape)
+        return np.array(symbols.elements(), dtype=object).reshape(shape)
 
-    sizes = [ca.exp(y[i]) for i in range(count)]
-    scales, rows = take(count, 3), take(structure.linear, count)
-    factors, felt = take(len(structure.ratios)), take(structure.felt, 4 + 2 * count)
-    product_of_steps: Any = 0
-    for i, (sign, size, scale) in enumerate(zip(structure.signs, sizes, scales, strict=True)):
-        product_of_steps += weights[i] * (sign * _height(sign * size, *scale)).log()
+    sizes, signs = ca.exp(y), ca.DM(structure.signs)
+    scales, used, room = matrix(count, 3), *(matrix(structure.linear, count) for _ in range(2))
+    factors, felt = matrix(len(structure.ratios), 1), matrix(structure.felt, 4 + 2 * count)
+    heights = signs * _height(signs * sizes, scales)
+    product_of_steps = ca.dot(weights, ca.log(heights))
+    values = (signs * sizes).elements()
     totals = [
-        [sum((structure.signs[i] * sizes[i] for i in m), 0.0) if m else None for m in members]
+        [sum((values[i] for i in m), 0.0) if m else None for m in members]
         for members in structure.moments
     ]
     constraints: list[Any] = []
@@ -188,32 +193,26 @@ def _graph(structure: _Structure) -> _Graph:
                 coefficients = _polynomial(table[:, :, corner], total, drop=not grounded)
                 routh += [-c for c in coefficients]
                 routh += [ratio - 1 for ratio in routh_ratios(coefficients)]
-    for row in rows:
-        # What uses the limit against what makes room, in logarithms nearly linear.
-        parts: Any = list(zip(sizes, row, strict=True))
-        used: Any = sum((size * ca.fmax(part, 0.0) for size, part in parts), _NOTHING)
-        room: Any = sum((size * ca.fmax(-part, 0.0) for size, part in parts), 1.0)
-        constraints.append(used.log() - room.log())
-    constraints += [
-        factor.log() + y[i] - y[j] for (i, j), factor in zip(structure.ratios, factors, strict=True)
-    ]
-    for per_step, *scale in felt:
-        given, asked = (
-            sum(size * part for size, part in zip(sizes, parts, strict=True))
-            for parts in (scale[3 : 3 + count], scale[3 + count :])
-        )
-        apart: Any = _height(given, *scale[:3]) - _height(asked, *scale[:3])
-        constraints.append(per_step * apart - 1)
+    # What uses a limit against what makes room, in logarithms nearly linear.
+    constraints.append(ca.log(used @ sizes + _NOTHING) - ca.log(room @ sizes + 1))
+    for place, (i, j) in enumerate(structure.ratios):
+        constraints.append(ca.log(factors[place]) + y[i] - y[j])
+    given, asked = (
+        _height(felt[:, 4 + first : 4 + first + count] @ sizes, felt[:, 1:4])
+        for first in (0, count)
+    )
+    constraints.append(felt[:, 0] * (given - asked) - 1)
     every = ca.vertcat(*routh, *constraints)
     return _Graph(y, ca.vertcat(*taken), weights, product_of_steps, every)
 
 
-def _height(value: Any, top: Any, base: Any, corner: Any) -> Any:
-    """`Scale.height`."""
+def _height(values: Any, scales: Any) -> Any:
+    """`Scale.height` of a column of values, `Scale.parts` of each as columns."""
     import casadi as ca
 
-    above: Any = ca.fmax(value, top) - ca.fmax(0.0, top)
-    below: Any = ca.fmin(value, top) - ca.fmin(0.0, top)
+    top, base, corner = ca.horzsplit(scales)
+    above: Any = ca.fmax(values, top) - ca.fmax(0, top)
+    below: Any = ca.fmin(values, top) - ca.fmin(0, top)
     return ca.log1p(above / base) + below / corner
 
 
@@ -293,7 +292,8 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     ]
     gain = problem.margin.gain * (1 + _INSIDE)
     factors = np.array([factor for _, _, factor in problem.linear.ratios]) * (1 + _INSIDE)
-    numbers: list[FloatArray] = [scales, rows, factors, np.array(felt)]
+    used, room = np.maximum(rows, 0.0), np.maximum(-rows, 0.0)
+    numbers: list[FloatArray] = [scales, used, room, factors, np.array(felt)]
     if ripple and limits.encoder_resolution is not None:
         nominal = problem.loops.nominal
         unit = limits.encoder_resolution / nominal.scales[0] / np.sqrt(12) / limits.ripple

@@ -82,6 +82,7 @@ class Document(BaseModel):
     """Base of everything stored in YAML: frozen, no unknown keys, numbers finite."""
 
     model_config = ConfigDict(
+        defer_build=True,
         frozen=True,
         extra="forbid",
         allow_inf_nan=False,

@@ -550,13 +550,13 @@ def _gap_phase(
     near = near[np.any(np.isfinite(near), axis=1)]
     if not len(near):
         return np.full(broken.shape, _CLEAR), np.full(broken.shape, np.nan)
-    v = near.copy()
+    v, both = near.copy(), np.stack([free, law], axis=1)[:, :, None]
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
-            slope, curve, _ = _phase(free, law, v)
+            slope, curve, _ = _phase(both, v)
             step = np.clip(slope / curve, -_STRIDE * v, _STRIDE * v)
             v = v - step
-        slope, curve, loop = _phase(free, law, v)
+        slope, curve, loop = _phase(both, v)
         phase = np.angle(-loop)
         found = (np.abs(slope / curve) <= _FOUND * v) & (np.abs(loop) * gain > 1)
         # Bent away from zero it does not touch yet; bent the other way it crosses twice, which in
@@ -573,20 +573,21 @@ def _gap_phase(
     return np.where(near_one, best, _CLEAR), np.where(near_one, place, np.nan)
 
 
-def _phase(
-    free: FloatArray, law: FloatArray, v: FloatArray
-) -> tuple[FloatArray, FloatArray, ComplexArray]:
-    """(slope and second derivative to v of the phase of L, L) at w = jv."""
-    (a, a1, a2), (b, b1, b2) = (_derivatives(part, v) for part in (free, law))
+def _phase(both: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+    """(slope and second derivative to v of the phase of L, L) at w = jv.
+
+    Both polynomials of L = law/free have shape (degree+1, 2, 1, loops).
+    """
+    (a, b), (a1, b1), (a2, b2) = _derivatives(both, v)
     slope = np.real(b1 / b - a1 / a)
     curve = -np.imag((b2 / b - (b1 / b) ** 2) - (a2 / a - (a1 / a) ** 2))
     return slope, curve, b / a
 
 
 def _derivatives(part: FloatArray, v: FloatArray) -> tuple[ComplexArray, ...]:
-    """A polynomial and two derivatives to w at w = jv, v of shape (candidates, loops)."""
+    """Polynomials and two derivatives to w at w = jv, v of shape (candidates, loops)."""
     w = v * 1j
-    value = np.zeros(w.shape, dtype=np.complex128)
+    value = np.zeros(np.broadcast_shapes(part.shape[1:], v.shape), dtype=np.complex128)
     first, second = value.copy(), value.copy()
     for row in part[::-1]:
         second = second * w + 2 * first

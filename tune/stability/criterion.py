@@ -81,34 +81,32 @@ def routh(coefficients: FloatArray, sizes: FloatArray) -> VerdictArray:
 
 def _running(coefficients: FloatArray, errors: FloatArray) -> VerdictArray:
     """Routh's array with running error bounds: quick, and sharp for low degrees."""
-    negative = np.any(coefficients < -errors, axis=0)
-    verdict = np.where(negative, np.int8(-1), np.int8(1))
-    doubtful = np.any(coefficients <= errors, axis=0) & ~negative
+    unstable = np.any(coefficients < -errors, axis=0)
+    doubtful = np.any(coefficients <= errors, axis=0) & ~unstable
     degree = len(coefficients) - 1
     upper, upper_error = coefficients[degree::-2], errors[degree::-2]
     lower, lower_error = coefficients[degree - 1 :: -2], errors[degree - 1 :: -2]
     with np.errstate(all="ignore"):
         while len(lower):
             pivot, slack = lower[0], lower_error[0]
-            certain = pivot > slack
             # Once a pivot is not certainly positive nothing below it means anything.
-            verdict = np.where((pivot < -slack) & ~doubtful & (verdict > 0), np.int8(-1), verdict)
-            doubtful |= (verdict > 0) & ~certain
+            unstable |= (pivot < -slack) & ~doubtful
+            doubtful |= ~(unstable | (pivot > slack))
             ratio = upper[0] / pivot
-            ratio_error = (upper_error[0] + np.abs(ratio) * slack) / (pivot - slack)
-            ratio_error += 2 * UNIT * np.abs(ratio)
+            size = np.abs(ratio)
+            ratio_error = (upper_error[0] + size * slack) / (pivot - slack) + 2 * UNIT * size
             nxt, nxt_error = upper[1:].copy(), upper_error[1:].copy()
             below, below_error = lower[1 : len(upper)], lower_error[1 : len(upper)]
             both = len(below)
             product = ratio * below
             nxt[:both] -= product
             nxt_error[:both] += (
-                np.abs(ratio) * below_error
+                size * below_error
                 + ratio_error * (np.abs(below) + below_error)
                 + 2 * UNIT * (np.abs(product) + np.abs(nxt[:both]))
             )
             upper, upper_error, lower, lower_error = lower, lower_error, nxt, nxt_error
-    return np.where((verdict > 0) & doubtful, np.int8(0), verdict)
+    return np.where(unstable, np.int8(-1), np.where(doubtful, np.int8(0), np.int8(1)))
 
 
 def _vertices_stable(coefficients: FloatArray, errors: FloatArray) -> NDArray[np.bool_]:

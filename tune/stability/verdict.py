@@ -287,21 +287,20 @@ def _merged(
     edges: FloatArray, after: FloatArray, stable: NDArray[np.bool_], empty: NDArray[np.bool_]
 ) -> tuple[FloatArray, FloatArray]:
     """Join stable neighbours; candidates that were no crossing disappear here."""
-    rows, columns = edges.shape
-    low = np.full((rows, columns), np.nan)
-    high = np.full((rows, columns), np.nan)
-    count = np.full(columns, -1)
-    open_ = np.zeros(columns, dtype=bool)
-    for row in range(rows):
-        counts = ~empty[row]
-        begins = np.flatnonzero(stable[row] & ~open_ & counts)
-        count[begins] += 1
-        low[count[begins], begins] = edges[row, begins]
-        inside = np.flatnonzero(stable[row] & counts)
-        high[count[inside], inside] = after[row, inside]
-        open_ = np.where(counts, stable[row], open_)
-    used = max(1, int(np.max(count, initial=-1)) + 1)
-    return low[:used], high[:used]
+    rows = np.arange(len(edges))[:, None]
+    # Each row is as stable as the last before it that is not empty.
+    last = np.maximum.accumulate(np.where(empty, -1, rows), axis=0)
+    inside = np.take_along_axis(stable, np.maximum(last, 0), axis=0) & (last >= 0)
+    begins = inside.copy()
+    begins[1:] &= ~inside[:-1]
+    run = np.cumsum(begins, axis=0) - 1
+    low = np.full((max(1, int(np.max(run, initial=-1)) + 1), edges.shape[1]), np.nan)
+    high = low.copy()
+    row, column = np.nonzero(begins)
+    low[run[row, column], column] = edges[row, column]
+    row, column = np.nonzero(inside & ~empty)  # row after row: the last of a run stays
+    high[run[row, column], column] = after[row, column]
+    return low, high
 
 
 #: Points from which it is worth while to set up a judge of many.

@@ -208,6 +208,8 @@ class _Transitions:
             self._random, self._adverse = _if_any(random), _if_any(adverse)
             self._always = np.where(random, self._gain, np.where(left, 0.0, 1.0))
         self._until -= 1
+        if self._random is None and self._adverse is None and self._entrance is None:
+            return self._always
         if self._random is not None and self._source.random() < _CHANCE:
             self._gain[self._source.integers(len(self._gain))] = self._source.choice(_GAINS)
             self._always = np.where(self._random, self._gain, self._always)

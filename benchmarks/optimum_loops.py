@@ -50,16 +50,16 @@ class Corner:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossings:
-    """Where loops L of (moment, corner) are real and negative on the circle.
+    """Where loops L of (combination, corner) are real and negative on the circle.
 
     Attributes:
-        moment: index, shape (count,).
+        combination: index, shape (count,).
         corner: index.
         gain: at which the loop is on the boundary there.
         slopes: of log gain by (K, B, M), shape (3, count).
     """
 
-    moment: IntArray
+    combination: IntArray
     corner: IntArray
     gain: FloatArray
     slopes: FloatArray
@@ -120,28 +120,28 @@ class Loops:
         return np.stack([plant, plant * velocity, plant * again**2])
 
     def crossings(self, totals: FloatArray, most: float) -> Crossings:
-        """All crossings at gains up to about ``most``, of totals (moments, 3) in (K, B, M)."""
+        """All crossings at gains up to about ``most``, of totals (combinations, 3) in (K, B, M)."""
         count = len(self.corners)
         loop = (totals @ self.grid.reshape(3, -1)).reshape(len(totals), count, ANGLES.size)
         real, imaginary = loop.real, loop.imag
         turned = imaginary[..., 1:-1] * imaginary[..., :-2] < 0
         deep = np.minimum(real[..., 1:-1], real[..., :-2]) < -0.5 / most
-        moment, corner, place = np.nonzero(turned & deep)
+        combination, corner, place = np.nonzero(turned & deep)
         low, high = ANGLES[place], ANGLES[place + 1]
-        dip_moment, dip_corner, dip_low, dip_high = self._dips(totals, loop, most)
-        moment = np.concatenate([moment, dip_moment])
+        dip_combination, dip_corner, dip_low, dip_high = self._dips(totals, loop, most)
+        combination = np.concatenate([combination, dip_combination])
         corner = np.concatenate([corner, dip_corner])
         low, high = np.concatenate([low, dip_low]), np.concatenate([high, dip_high])
-        angle = self._real_at(totals[moment].T, corner, low, high)
+        angle = self._real_at(totals[combination].T, corner, low, high)
         # On the real axis of z itself: z = -1, and z = 1, where only a damper is left.
         still = np.where(totals[:, :1] == 0, totals[:, 1:2] * self.still, 0.0)
         ends = np.stack([still, real[..., -1]])
-        end, end_moment, end_corner = np.nonzero(ends < -1 / most)
-        moment = np.concatenate([moment, end_moment])
+        end, end_combination, end_corner = np.nonzero(ends < -1 / most)
+        combination = np.concatenate([combination, end_combination])
         corner = np.concatenate([corner, end_corner])
         fixed = np.repeat([False, True], [angle.size, end.size])
         angle = np.concatenate([angle, ANGLES[-end]])
-        weights = totals[moment].T
+        weights = totals[combination].T
         here = self.responses(corner, angle)
         resting = np.append(np.zeros(fixed.size - end.size, dtype=bool), end == 0)
         here[:, resting] = np.stack([0 * angle, self.still[corner], 0 * angle])[:, resting]
@@ -154,7 +154,7 @@ class Loops:
         keep = value < -1 / most
         slopes = -(here.real - turn * here.imag) / np.where(keep, value, 1.0)
         return Crossings(
-            moment=moment[keep],
+            combination=combination[keep],
             corner=corner[keep],
             gain=-1 / value[keep],
             slopes=slopes[:, keep],
@@ -163,22 +163,24 @@ class Loops:
     def _dips(
         self, totals: FloatArray, loop: ComplexArray, most: float
     ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-        """(moment, corner, low, high) of crossings in pairs between two angles of the grid.
+        """(combination, corner, low, high) of crossings in pairs between two angles of the grid.
 
         Where the loop comes closer to the real axis than at both neighbours, its nearest place is
         looked for; if it lies beyond the axis there is one crossing on each side.
         """
         inner = loop[..., 1:-2]
         close = np.abs(inner.imag) < -_DIP * inner.real
-        moment, corner, place = np.nonzero(close & (inner.real < -0.5 / most))
-        off = loop.imag[moment[:, None], corner[:, None], place[:, None] + np.arange(3)]
+        combination, corner, place = np.nonzero(close & (inner.real < -0.5 / most))
+        off = loop.imag[combination[:, None], corner[:, None], place[:, None] + np.arange(3)]
         sides = np.sign(off[:, 1])
         before, here, after = (sides[:, None] * off).T
         # The parabola through three places at least halves the way, or the dip is a shallow one.
         dips = (before >= here) & (after >= here)
         dips &= (after - before) ** 2 >= 4 * here * (after + before - 2 * here)
-        moment, corner, place, sides = (part[dips] for part in (moment, corner, place, sides))
-        weights = totals[moment].T
+        combination, corner, place, sides = (
+            part[dips] for part in (combination, corner, place, sides)
+        )
+        weights = totals[combination].T
         low, high = ANGLES[place], ANGLES[place + 2]
         bottom, height = low, np.full(low.shape, np.inf)
         first, last = low, high
@@ -195,7 +197,7 @@ class Loops:
             first, last = np.where(left, first, middle[0]), np.where(left, middle[1], last)
         under = height < 0
         return (
-            np.tile(moment[under], 2),
+            np.tile(combination[under], 2),
             np.tile(corner[under], 2),
             np.concatenate([low[under], bottom[under]]),
             np.concatenate([bottom[under], high[under]]),

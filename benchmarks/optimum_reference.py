@@ -1,4 +1,4 @@
-"""What bounds the effects of elements that share moments, and how many steps they are.
+"""What bounds the effects of elements that share combinations, and how many steps they are.
 
 Written down anew from the documented meaning of device and scene; boundaries are those of
 `benchmarks.optimum_loops`, ripple that of `benchmarks.optimum_ripple`, sizes and steps those of
@@ -23,7 +23,7 @@ from tune.documents.scene import Hand, Scene
 
 FloatArray = NDArray[np.float64]
 
-#: Boundaries of one moment that a solver is shown, the closest.
+#: Boundaries of one combination that a solver is shown, the closest.
 _SHOWN = 12
 #: Gains beyond this multiple of the margin are no concern.
 _FAR = 4.0
@@ -57,7 +57,7 @@ class Reference:
         self.count = len(self.wanted)
         self.low = np.log([one.low for one in self.wanted])
         self.high = np.log([one.high for one in self.wanted])
-        self.sums, self.sustained, self.peak = self._moments(scene, elements)
+        self.sums, self.sustained, self.peak = self._combinations(scene, elements)
         self.loops = Loops(list(_corners(device, scene.hand, extra)), filters_hz)
         usual = Corner(
             mass=device.mass.value,
@@ -72,10 +72,10 @@ class Reference:
         self.felt = felt_ends(device, self.wanted, filters_hz, scene.elements)
         self._ends: dict[int, float] = {}
 
-    def _moments(
+    def _combinations(
         self, scene: Scene, elements: Sequence[str]
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Sums (moments, 3, unknowns), and what a size costs in sustained and in peak force."""
+        """Sums (combinations, 3, unknowns), and what a size costs in sustained and peak force."""
         chosen = {frozenset([name]) for name in elements}
         for group in scene.together:
             for inside in product((False, True), repeat=len(group)):
@@ -115,9 +115,9 @@ class Reference:
         values: list[FloatArray] = []
         slopes: list[FloatArray] = []
         found = self.loops.crossings(self.sums @ sizes, _FAR * self.gain)
-        for moment, sums in enumerate(self.sums):
+        for combination, sums in enumerate(self.sums):
             value, slope = np.full(_SHOWN, np.log(_FAR)), np.zeros((_SHOWN, self.count))
-            mine = np.flatnonzero(found.moment == moment)
+            mine = np.flatnonzero(found.combination == combination)
             mine = mine[np.argsort(found.gain[mine])][:_SHOWN]
             value[: mine.size] = np.log(found.gain[mine] / self.gain)
             slope[: mine.size] = found.slopes[:, mine].T @ sums * sizes
@@ -142,7 +142,7 @@ class Reference:
         return np.concatenate(values), np.concatenate(slopes)
 
     def _ripple_rows(self, place: FloatArray, resolution: float) -> tuple[FloatArray, FloatArray]:
-        """Ripple of every moment; slopes only where one may bind."""
+        """Ripple of every combination; slopes only where one may bind."""
         count = self.count
 
         def spare(places: FloatArray) -> FloatArray:

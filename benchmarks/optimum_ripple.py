@@ -24,14 +24,14 @@ def force_ripple(
     totals: FloatArray,
     resolution: float,
 ) -> FloatArray:
-    """Force of readings that are wrong by white noise of Δ²/12, N rms, shape (moments,).
+    """Force of readings that are wrong by white noise of Δ²/12, N rms, shape (combinations,).
 
     The law and the device are stepped as they are written; without a spring the place itself is no
     state, because nothing answers to it.
 
     Args:
         loops: of one corner without a hand.
-        totals: (moments, 3) in (K, B, M).
+        totals: (combinations, 3) in (K, B, M).
         resolution: Δ of the encoder.
     """
     springs = totals[:, 0] != 0

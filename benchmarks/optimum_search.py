@@ -1,4 +1,4 @@
-"""The largest product of steps of elements that share moments, by search from many places."""
+"""The largest product of steps of elements that share combinations, by search from many places."""
 
 # pyright: standard
 

@@ -75,7 +75,7 @@ def description(chosen: Case, task: DesignTask, solutions: list[Solution]) -> De
 def certificate(
     chosen: Case, task: DesignTask, solutions: list[Solution], design: Design
 ) -> Callable[[], Certificate]:
-    """The call that certifies a design, with what proves its one-sided moments."""
+    """The call that certifies a design, with what proves its one-sided combinations."""
     margin = MARGINS[chosen.scene.margin]
     witnesses = {
         " + ".join(names): as_stored(witness_of(found, margin, task.slack))

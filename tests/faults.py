@@ -86,7 +86,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
         ("a multiplier without taps", "or not (channel.taps or region.grounded):", "or False:"),
         (
-            "channels of the moment",
+            "channels of the combination",
             "if own.keys() != sum_.clamps.keys() or names != seen:",
             "if len(own) > 9:",
         ),
@@ -107,9 +107,9 @@ FAULTS: tuple[Fault, ...] = (
         ("gain of a multiplier against the margin", "if not gain >= margin.gain or", "if"),
         ("extra delay of a multiplier", " or extra != margin.extra_delay_samples:", ":"),
         (
-            "moments that are part of no other",
-            "if not any(each < other for other in moments)]",
-            "if each == moments[0]]",
+            "combinations that are part of no other",
+            "if not any(each < other for other in combinations)]",
+            "if each == combinations[0]]",
         ),
         (
             "a held multiplier without a hand",
@@ -138,8 +138,8 @@ FAULTS: tuple[Fault, ...] = (
         ("levels of elements that fade beside others", "if not proof.proved:", "if proof is None:"),
         (
             "none and all of a level",
-            "for absent in combinations(fading, count)",
-            "for absent in combinations(fading, 0)",
+            "for absent in itertools.combinations(fading, count)",
+            "for absent in itertools.combinations(fading, 0)",
         ),
     ),
     *_of(
@@ -147,8 +147,8 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k 'one_signal or another_wall'",
         (
             "the outermost of some clamps",
-            "reach = (K * witness.gain, moment)",
-            "reach = (-K * witness.gain, moment)",
+            "reach = (K * witness.gain, combination)",
+            "reach = (-K * witness.gain, combination)",
         ),
         ("clamps of a multiplier", "[channel.name for channel in channels] == [name]", "True"),
     ),
@@ -166,19 +166,19 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/certify.py",
         f"{_EDGES} -k 'ripple or force or passivity or of_a or wall_alone or delay or own_force'",
-        ("ripple", "if not meets_wall(design, moment):", "if not moment:"),
-        ("forces", "failures += force_failures(design, moment)", "pass"),
+        ("ripple", "if not meets_wall(design, combination):", "if not combination:"),
+        ("forces", "failures += force_failures(design, combination)", "pass"),
         (
             "passivity",
-            "failures += passivity_failures(design, moment, setting, bare)",
+            "failures += passivity_failures(design, combination, setting, bare)",
             "pass",
         ),
         (
             "what is felt",
-            "failures += rendering_failures(design, moment[0], setting)",
+            "failures += rendering_failures(design, combination[0], setting)",
             "pass",
         ),
-        ("clamps that may be reached", "if moment in outermost:", "if not moment:"),
+        ("clamps that may be reached", "if combination in outermost:", "if not combination:"),
         ("delays that are judged", "if longest > _LONGEST_DELAY:", "if longest > 1e9:"),
         ("a device that is pushed away", "    refuse_unbalanced(design.device)\n", ""),
     ),
@@ -207,7 +207,7 @@ FAULTS: tuple[Fault, ...] = (
         ("the force of a mass", "+ abs(item.mass) * item.motion.acceleration", "+ 0.0"),
         (
             "a claimed ripple",
-            "if len(moment) == 1 and claimed < seen * (1 - _AGREE):",
+            "if len(combination) == 1 and claimed < seen * (1 - _AGREE):",
             "if claimed < 0:",
         ),
         (
@@ -310,8 +310,8 @@ FAULTS: tuple[Fault, ...] = (
         "tune/certificate/check.py",
         f"{_EDGES} -k told",
         ("an absolute gain that is not proved", "if said != seen:", "if said == -1.0:"),
-        ("sets that are proved", "if moment not in stated.interior:", "if not moment:"),
-        ("sets that there are not", "if moment not in fresh.interior:", "if not moment:"),
+        ("sets that are proved", "if combination not in stated.interior:", "if not combination:"),
+        ("sets that there are not", "if combination not in fresh.interior:", "if not combination:"),
         (
             "where the worst point is",
             "            return region.point(",

@@ -617,7 +617,7 @@ def reach_of(channels: Channels, **beside: float) -> float:
 def proof(
     *channels: tuple[str, float, Sequence[tuple[int, float]]], **more: Any
 ) -> AbsoluteStability:
-    """What a profile states of a moment, for devices that are free if nothing else is said."""
+    """What a profile states of a combination, for devices that are free if nothing else is said."""
     multiplier = {
         "channels": [
             {
@@ -1065,7 +1065,7 @@ def _harmless(profile: dict[str, Any]) -> None:
         (_worst(elements=["door"]), "which is not felt"),
         (_worst(hand={"mass": 0.1, "damping": 5.0, "stiffness": 300.0}), "not a point of the box"),
         (lambda p: p["certificate"]["interior"].pop("wall + cup"), "does not say that wall + cup"),
-        (lambda p: p["certificate"]["interior"].update(air="proved"), "has no such moment"),
+        (lambda p: p["certificate"]["interior"].update(air="proved"), "has no such combination"),
         (lambda p: p["certificate"]["absolute_stability"].pop("wall + cup"), "no multiplier is"),
         (_worst(elements=["wall"]), "certificate.worst.pole_radius says"),
         (_worst(delay_samples=2.0 * (1 + OFF)), "certificate.worst is not a point of the box"),

@@ -342,11 +342,13 @@ def test_a_spring_that_is_no_finite_number_gives_none(player: Player, side: int)
     assert all(reply.force == 0 or reply.status != "OK" for reply in replies[1:])
 
 
-def test_the_sets_that_give_force_are_the_moments(player: Player) -> None:
+def test_the_sets_that_give_force_are_the_combinations(player: Player) -> None:
     """Each set of elements, walls of it on one side; and as if on two, where both halves are."""
     profile = scene()
     names = list(profile.elements)
-    moments = {frozenset(moment) for moment in profile.moments()} | {frozenset[str]()}
+    combinations = {frozenset(combination) for combination in profile.combinations()} | {
+        frozenset[str]()
+    }
     walls = names[:3]
     for sides in product((1, -1), repeat=3):
         for mask in range(1 << len(names)):
@@ -357,7 +359,8 @@ def test_the_sets_that_give_force_are_the_moments(player: Player) -> None:
                 played.enter(1 << k, -0.1 * side, side)
             facing = dict(zip(walls, sides, strict=True))
             certified = all(
-                frozenset(n for n in chosen if facing.get(n) != side) in moments for side in (1, -1)
+                frozenset(n for n in chosen if facing.get(n) != side) in combinations
+                for side in (1, -1)
             )
             status = played.at(mask, 0.0).status
             assert status == ("OK" if certified else "NOT_TOGETHER"), chosen

@@ -245,8 +245,8 @@ def test_devices_inside_the_box_are_stable_with_the_claimed_margins(seed: int) -
     profile = optimise(device, scene)
     box = device.simultaneous_box()
     last = profile.certificate.delay_samples[1]
-    for moment in profile.moments():
-        felt = [profile.elements[name] for name in moment]
+    for combination in profile.combinations():
+        felt = [profile.elements[name] for name in combination]
         sizes = [sum(getattr(each, effect) for each in felt) or None for effect in EFFECTS]
         for _ in range(40 if any(sizes) else 0):
             case = Case(

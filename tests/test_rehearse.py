@@ -1,4 +1,4 @@
-"""What the commands rehearse of a profile: every moment as it is played, on devices it may be."""
+"""What the commands rehearse of a profile: every combination as played, on devices it may be."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ def profile_with(**device: Any) -> SafeProfile:
     return tuned().model_copy(update={"elements": elements, "device": changed})
 
 
-def rows(law: Controller, moment: int) -> list[dict[str, float]]:
-    """What each element of a moment plays, as far as it plays anything."""
-    columns = law.rows(np.array([moment]))
+def rows(law: Controller, combination: int) -> list[dict[str, float]]:
+    """What each element of a combination plays, as far as it plays anything."""
+    columns = law.rows(np.array([combination]))
     count = len(columns["stiffness"])
     parts = [{name: float(row[k, 0]) for name, row in columns.items()} for k in range(count)]
     return [part for part in parts if part["stiffness"] or part["damping"] or part["mass"]]
 
 
-def test_every_moment_is_played_with_its_walls_and_its_fades() -> None:
+def test_every_combination_is_played_with_its_walls_and_its_fades() -> None:
     """Wall, cup, rubber, and the wall with either."""
     profile = profile_with()
     _, law, _ = rehearsed(profile)
@@ -56,10 +56,10 @@ def test_every_moment_is_played_with_its_walls_and_its_fades() -> None:
     rubber = {"stiffness": 700.0, "damping": 0.0, "mass": 0.0, "side": 0.0}
     rubber["level"] = profile.elements["rubber"].force_level
     played = [[wall], [cup], [rubber], [wall, cup], [wall, rubber]]
-    assert law.size() == len(profile.moments()) == len(played)
-    for moment, parts in enumerate(played):
+    assert law.size() == len(profile.combinations()) == len(played)
+    for combination, parts in enumerate(played):
         plain = {"fade_time": 0.0, "place": 0.0}
-        assert rows(law, moment) == [plain | part for part in parts]
+        assert rows(law, combination) == [plain | part for part in parts]
     assert law.calls is not None
     assert law.calls.taps == profile.certificate.longest_tap
 
@@ -76,8 +76,10 @@ def test_walls_are_met_with_one_on_the_other_side_as_near_as_it_may_stand() -> N
     profile = made("homerehab", sizes, apart=apart, speed=0.3)
     _, law, _ = rehearsed(profile)
     facing = {
-        moment: [(part["stiffness"], part["place"]) for part in rows(law, k) if part["side"] > 0]
-        for k, moment in enumerate(profile.moments())
+        combination: [
+            (part["stiffness"], part["place"]) for part in rows(law, k) if part["side"] > 0
+        ]
+        for k, combination in enumerate(profile.combinations())
     }
     assert facing.pop(("wall",)) == [(500.0, pytest.approx(-0.3 * (0.01 + 0.02)))]
     assert facing.pop(("wall 2",)) == [(500.0, 0.0)]

@@ -158,4 +158,4 @@ def test_ten_elements_are_tuned_together() -> None:
     elements = {f"e{k}": {"damping": 5.0 + k} for k in range(10)}
     profile = _tuned(elements, together=[list(elements)], loop=FILTERS)
     assert [each.damping for each in profile.elements.values()] == [5.0 + k for k in range(10)]
-    assert len(profile.moments()) == 1023
+    assert len(profile.combinations()) == 1023

@@ -10,9 +10,12 @@ from tune import SafeProfile
 
 
 def safe_gain(
-    profile: SafeProfile, moment: tuple[str, ...], device: tuple[float, float, float], delay: int
+    profile: SafeProfile,
+    combination: tuple[str, ...],
+    device: tuple[float, float, float],
+    delay: int,
 ) -> float:
-    """The first gain at which the moment is unstable on a device (m, b, T); inf if none is."""
+    """The first gain at which the combination is unstable on a device (m, b, T); inf if none is."""
     m, b, T = device
     loop_ = profile.loop
     poles = [
@@ -20,7 +23,7 @@ def safe_gain(
         for f in (loop_.velocity_filter_hz, loop_.acceleration_filter_hz)
     ]
     K, B, M = (
-        sum(getattr(profile.elements[name], effect) for name in moment)
+        sum(getattr(profile.elements[name], effect) for name in combination)
         for effect in ("stiffness", "damping", "mass")
     )
     loop = reference_loop(
@@ -38,13 +41,13 @@ def safe_gain(
 
 
 def judged(profile: SafeProfile, device: tuple[float, float, float], delay: int) -> str:
-    """stable, short of what is claimed, or unstable: every moment, on the device as it is."""
+    """stable, short of what is claimed, or unstable: every combination, on the device as it is."""
     answer = "stable"
-    for moment in profile.moments():
-        chosen = [profile.elements[name] for name in moment]
+    for combination in profile.combinations():
+        chosen = [profile.elements[name] for name in combination]
         if not any(e.stiffness or e.damping or e.mass for e in chosen):
             continue
-        if not safe_gain(profile, moment, device, delay) > 1:
+        if not safe_gain(profile, combination, device, delay) > 1:
             return "unstable"
         claims = [
             (profile.margin.gain, profile.margin.extra_delay_samples),
@@ -52,6 +55,6 @@ def judged(profile: SafeProfile, device: tuple[float, float, float], delay: int)
             # Whole samples, which this arithmetic can judge.
             (1.0, int(max(e.margins.extra_delay_samples for e in chosen))),
         ]
-        if any(safe_gain(profile, moment, device, delay + late) < g for g, late in claims):
+        if any(safe_gain(profile, combination, device, delay + late) < g for g, late in claims):
             answer = "short of what is claimed"
     return answer

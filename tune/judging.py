@@ -197,7 +197,7 @@ def audit(
     cut = frozenset[str]() if like is None else may_saturate(task, [ELEMENT])
     problem = pose(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
-    (combination,) = problem.moments
+    (combination,) = problem.combinations
     gain = worst_gain(problem, combination, sizes, late=False)
     stable = gain > 1
     solved = Solution(problem=problem, sizes=sizes, dropped={})
@@ -243,7 +243,7 @@ def _faults_of(
     problem: Problem, margin: Margin, sizes: FloatArray, gain: float, noise: float | None
 ) -> Iterator[Fault]:
     """Every limit that the sizes break, in words; their gain margin and ripple are known."""
-    (combination,) = problem.moments
+    (combination,) = problem.combinations
     limits = problem.limits
     late = worst_gain(problem, combination, sizes)
     extra = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
@@ -288,11 +288,11 @@ def _certified(task: DesignTask, filters: Filters, solved: Solution) -> tuple[De
 
 def _clamps_of(problem: Problem, sizes: FloatArray) -> AllFound:
     """The proved gain of the gains where their force may be cut; empty where it may not."""
-    if not any(moment.absolute for moment in problem.moments):
+    if not any(combination.absolute for combination in problem.combinations):
         return {}
-    from tune.optimisation.saturation import prove_moments
+    from tune.optimisation.saturation import prove_combinations
 
-    return prove_moments(problem, sizes)
+    return prove_combinations(problem, sizes)
 
 
 def _scene_of(
@@ -339,7 +339,7 @@ def _nearest(task: DesignTask, filters: Filters, cut: frozenset[str]) -> Effects
     if any(one.gain < problem.proved_gain for one in _clamps_of(problem, sizes).values()):
         return None
     lows = np.array([unknown.low for unknown in problem.unknowns])
-    return problem.effects(problem.moments[0], np.where(sizes > _MORE * lows, sizes, 0.0))
+    return problem.effects(problem.combinations[0], np.where(sizes > _MORE * lows, sizes, 0.0))
 
 
 #: Quantities of a device in the order of its file.

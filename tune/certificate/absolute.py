@@ -14,9 +14,9 @@ out of every a of a clamp and out of the difference of two p.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,7 +176,7 @@ def _determinant(
     for i, product in enumerate(products):
         term = real_part(loop * product) * product_of(sizes, without=(i,))
         total = total + (term if i < clamps else out * term)
-    for i, j in combinations(range(len(products)), 2):
+    for i, j in itertools.combinations(range(len(products)), 2):
         between = apart[i] - apart[j] if j < clamps else products[i] - products[j]
         others = product_of(sizes, without=(i, j)) * 0.25
         total = total - squared * squared_modulus(between) * others
@@ -201,8 +201,8 @@ def _taps(
     return real, 1.0 if normal else slope, rest
 
 
-_Moment = tuple[str, ...]
-#: Multipliers by moment, its elements joined by " + ".
+_Combination = tuple[str, ...]
+#: Multipliers by combination, its elements joined by " + ".
 _Witnesses = Mapping[str, AbsoluteStability]
 
 #: What a proof covers, by what is there.
@@ -215,46 +215,55 @@ _MOST_CELLS = 1_000_000
 _REMEDY = "Ask for less stiffness or damping, or name it apart from what it is not met with"
 
 
-def _is_clamped(design: Design, moment: tuple[str, ...]) -> bool:
-    """Whether the clamp of some element of a moment may be reached: of a wall, or a free spring."""
-    chosen = [design.elements[name] for name in moment]
+def _is_clamped(design: Design, combination: tuple[str, ...]) -> bool:
+    """Whether some clamp of a combination may be reached: that of a wall, or of a free spring."""
+    chosen = [design.elements[name] for name in combination]
     return any(each.stiffness and (each.one_sided or each.cut) for each in chosen)
 
 
-def clamped_moments(design: Design) -> tuple[tuple[str, ...], ...]:
-    """Moments with a clamp that may be reached and are part of no other such moment.
+def clamped_combinations(design: Design) -> tuple[tuple[str, ...], ...]:
+    """Combinations with a clamp that may be reached and are part of no other such combination.
 
     What is proved of them covers their parts: a clamp that never pushes is nondecreasing, what is
     switched may stay off, and what fades may be at nothing.
     """
     played = {name for name in design.elements if setting_of(design, (name,))}
-    moments = [played.intersection(each) for each in design.moments() if _is_clamped(design, each)]
-    largest = [each for each in moments if not any(each < other for other in moments)]
-    return tuple(each for each in design.moments() if set(each) in largest)
+    combinations = [
+        played.intersection(each) for each in design.combinations() if _is_clamped(design, each)
+    ]
+    largest = [each for each in combinations if not any(each < other for other in combinations)]
+    return tuple(each for each in design.combinations() if set(each) in largest)
 
 
 def outermost_of(
-    design: Design, moments: Sequence[_Moment], witnesses: _Witnesses
-) -> dict[_Moment, _Moment]:
-    """Of each of some moments the one whose proof is its own too.
+    design: Design, combinations: Sequence[_Combination], witnesses: _Witnesses
+) -> dict[_Combination, _Combination]:
+    """Of each of some combinations the one whose proof is its own too.
 
     A lone clamp is a smaller gain of another where both follow one signal, K·(y + B/K·v + M/K·a),
     have one multiplier, and K times the gain that is stated is no larger: the condition is of that
     product alone, and for a smaller one its first matrix only grows.
     """
-    best: dict[str, tuple[float, _Moment]] = {}
-    keys: dict[_Moment, str] = {}
-    for moment in moments:
-        witness, first = witnesses.get(" + ".join(moment)), design.elements[moment[0]]
+    best: dict[str, tuple[float, _Combination]] = {}
+    keys: dict[_Combination, str] = {}
+    for combination in combinations:
+        witness, first = witnesses.get(" + ".join(combination)), design.elements[combination[0]]
         stated = (witness.free, witness.held) if witness else ()
         channels = [each and each.channels for each in stated]
-        if len(moment) == 1 and witness and all(_is_of(moment[0], each) for each in channels):
+        if (
+            len(combination) == 1
+            and witness
+            and all(_is_of(combination[0], each) for each in channels)
+        ):
             K = first.stiffness
             taps = [each and (each[0].constant, each[0].taps) for each in channels]
-            keys[moment] = repr((first.damping / K, first.mass / K, taps))
-            reach = (K * witness.gain, moment)
-            best[keys[moment]] = max(best.get(keys[moment], reach), reach)
-    return {moment: best[keys[moment]][1] if moment in keys else moment for moment in moments}
+            keys[combination] = repr((first.damping / K, first.mass / K, taps))
+            reach = (K * witness.gain, combination)
+            best[keys[combination]] = max(best.get(keys[combination], reach), reach)
+    return {
+        combination: best[keys[combination]][1] if combination in keys else combination
+        for combination in combinations
+    }
 
 
 def _is_of(name: str, channels: Sequence[Channel] | None) -> bool:
@@ -264,20 +273,20 @@ def _is_of(name: str, channels: Sequence[Channel] | None) -> bool:
 
 def judge_switched(
     design: Design,
-    moment: _Moment,
+    combination: _Combination,
     regions: tuple[Region, ...],
     witnesses: _Witnesses,
     most_cells: int | None = None,
     *,
     covered: bool = False,
 ) -> tuple[AbsoluteStability, int]:
-    """What a moment is proved for in every region, by stated multipliers, and cells looked at.
+    """What a combination is proved for in every region, by stated multipliers, and cells looked at.
 
     The budget of cells is for where less would be asked for instead; None for all that may help.
     Nothing is looked at for one that is covered by the proof of another. Raises CheckFailedError
     where it is not proved.
     """
-    where, margin = " + ".join(moment), design.margin
+    where, margin = " + ".join(combination), design.margin
 
     def refused(words: str) -> CheckFailedError:
         return CheckFailedError((f"{where}: {words}. Tune again",))
@@ -294,7 +303,7 @@ def judge_switched(
             f"absolute_stability says a gain of {gain:.6g} with {extra:.6g} extra samples, the "
             f"margin asks for {margin.gain:.6g} with {margin.extra_delay_samples}"
         )
-    sum_, claim, cells = _nonlinear_parts(design, moment), Claim(gain=gain, extra=extra), 0
+    sum_, claim, cells = _nonlinear_parts(design, combination), Claim(gain=gain, extra=extra), 0
     for grounded, kind in ((False, "free"), (True, "held")):
         multiplier = witness.held if grounded else witness.free
         own = [region for region in regions if region.grounded == grounded]
@@ -306,8 +315,8 @@ def judge_switched(
                 cells += _prove_absolute(region, sum_, multiplier, claim, most_cells or _MOST_CELLS)
             except ValueError as error:
                 words = (
-                    f"{region.words(moment)}: not proved stable with its clamps up to a gain of "
-                    f"{gain:.6g} with {extra:.6g} extra samples of delay: {error}. {_REMEDY}"
+                    f"{region.words(combination)}: not proved stable with its clamps up to a gain "
+                    f"of {gain:.6g} with {extra:.6g} extra samples of delay: {error}. {_REMEDY}"
                 )
                 raise CheckFailedError((words,)) from None
     gated, steady = (_GATED,) if sum_.damping else (), (_STEADY,) if sum_.steady else ()
@@ -315,24 +324,24 @@ def judge_switched(
 
 
 def judge_levels(
-    design: Design, moment: tuple[str, ...], regions: tuple[Region, ...], most_cells: int
+    design: Design, combination: tuple[str, ...], regions: tuple[Region, ...], most_cells: int
 ) -> int:
-    """Cells in which a moment is proved at every level of what fades.
+    """Cells in which a combination is proved at every level of what fades.
 
     On the way in and out an element is played in part, each at a level of its own in [0, 1]. For
     one device, frequency and gain the loop D + s·N is straight in every level, so that its values
     fill the convex hull of those where each level is 0 or 1. Alone an element goes through smaller
-    gains of itself; a moment with a clamp that may be reached is proved at any level of each. The
-    moment and each part of it are proved at their full levels before. Raises CheckFailedError where
-    it is not proved.
+    gains of itself; a combination with a clamp that may be reached is proved at any level of each.
+    The combination and each part of it are proved at their full levels before. Raises
+    CheckFailedError where it is not proved.
     """
-    fading = [name for name in moment if design.elements[name].fades]
-    if not fading or len(moment) == 1 or _is_clamped(design, moment):
+    fading = [name for name in combination if design.elements[name].fades]
+    if not fading or len(combination) == 1 or _is_clamped(design, combination):
         return 0
     corners = [
-        setting_of(design, tuple(name for name in moment if name not in absent))
+        setting_of(design, tuple(name for name in combination if name not in absent))
         for count in range(len(fading) + 1)
-        for absent in combinations(fading, count)
+        for absent in itertools.combinations(fading, count)
     ]
     first, *others = [corner for corner in corners if corner is not None]
     margin, cells = design.margin, 0
@@ -341,18 +350,18 @@ def judge_levels(
         proof = prove(region, first, [claim], most_cells, others, or_nothing=None in corners)
         if not proof.proved:
             words = (
-                f"{region.words(moment)}: not proved stable while {', '.join(fading)} fades in or "
-                f"out beside the others, within {proof.cells} cells. Ask for less, or leave it out "
-                "of what is felt together"
+                f"{region.words(combination)}: not proved stable while {', '.join(fading)} fades "
+                f"in or out beside the others, within {proof.cells} cells. Ask for less, or leave "
+                "it out of what is felt together"
             )
             raise CheckFailedError((words,))
         cells += proof.cells
     return cells
 
 
-def _nonlinear_parts(design: Design, moment: tuple[str, ...]) -> _Nonlinear:
+def _nonlinear_parts(design: Design, combination: tuple[str, ...]) -> _Nonlinear:
     """Clamps, what is damping only, and what fades without a spring."""
-    played = {name: setting for name in moment if (setting := setting_of(design, (name,)))}
+    played = {name: setting for name in combination if (setting := setting_of(design, (name,)))}
     clamps = {name: each for name, each in played.items() if each.stiffness}
     steady = {name for name in played if design.elements[name].fades} - clamps.keys()
     dampers = [each for name, each in played.items() if name not in {*clamps, *steady}]

@@ -1,6 +1,6 @@
 """Certify a design over its whole box, and say on which assumptions.
 
-The box holds every device, hand, delay, gain and moment.
+The box holds every device, hand, delay, gain and combination.
 """
 
 from __future__ import annotations
@@ -14,7 +14,12 @@ from typing import Literal
 import numpy as np
 
 from identification import Device
-from tune.certificate.absolute import clamped_moments, judge_levels, judge_switched, outermost_of
+from tune.certificate.absolute import (
+    clamped_combinations,
+    judge_levels,
+    judge_switched,
+    outermost_of,
+)
 from tune.certificate.claims import (
     force_failures,
     meets_wall,
@@ -38,14 +43,15 @@ from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 
 #: How much more the search does where a proof was not found.
 _THOROUGH = 8
-#: Cells looked at for one moment before it counts as not proved. With a fifth of margin to spare a
-#: plain device takes a hundred, on the edge some thousands; a hand and modes take ten times more.
+#: Cells looked at for one combination before it counts as not proved. With a fifth of margin to
+#: spare a plain device takes a hundred, on the edge some thousands; a hand and modes take ten times
+#: more.
 MOST_CELLS = 200_000
 #: Samples of delay, margins included, that are looked at.
 _LONGEST_DELAY = 64
 
-_Moment = tuple[str, ...]
-#: Claims of a moment, each with its name, the margin first.
+_Combination = tuple[str, ...]
+#: Claims of a combination, each with its name, the margin first.
 _NamedClaims = Sequence[tuple[Claim, str]]
 
 _METHOD = (
@@ -62,15 +68,15 @@ _ASSUMES = (
     "Coulomb friction gives no damping",
     "everything within its interval, in any combination, and constant while the loop runs",
 )
-#: What is said instead where some moments are proved absolutely stable.
+#: What is said instead where some combinations are proved absolutely stable.
 _LINEAR_ELSEWHERE = (
-    "a linear loop, but for moments with absolute_stability: forces stay below the limit, the "
+    "a linear loop, but for combinations with absolute_stability: forces stay below the limit, the "
     "force of saturation is not relied on"
 )
 _SLOW_ELSEWHERE = (
-    "elements and gains change slowly against the loop; of moments with absolute_stability clamps "
-    "may push on one side only or cut at any level that falls, and damping may be switched, at any "
-    "moment; a level rises, and a face or rest moves, only while its clamp gives no force"
+    "elements and gains change slowly against the loop; of combinations with absolute_stability "
+    "clamps may push on one side only or cut at any level that falls, and damping may be switched, "
+    "at any moment; a level rises, and a face or rest moves, only while its clamp gives no force"
 )
 _ASSUMES_WITH_WALLS = (_ASSUMES[0], _LINEAR_ELSEWHERE, _SLOW_ELSEWHERE, *_ASSUMES[3:])
 #: Of designs in which something fades, or does beside a clamp that may be reached.
@@ -192,7 +198,7 @@ def _not_assessed(design: Design) -> tuple[str, ...]:
 
 
 def _walls(design: Design) -> bool:
-    """Whether some moment is proved absolutely stable."""
+    """Whether some combination is proved absolutely stable."""
     return any(
         element.one_sided or (element.stiffness and element.motion.penetration is None)
         for element in design.elements.values()
@@ -308,11 +314,11 @@ def refuse_unbalanced(device: Device) -> None:
 
 
 @dataclass(slots=True, kw_only=True)
-class _MomentInRegion:
-    """What became of one moment in one region."""
+class _CombinationInRegion:
+    """What became of one combination in one region."""
 
-    moment: _Moment  # elements that are felt at once
-    where: str  # the moment for people
+    combination: _Combination  # elements that are felt at once
+    where: str  # the combination for people
     proved: bool = False  # stable throughout
     failures: list[str] = field(default_factory=list[str])  # sentences, none if proved
     unstable: list[WorstPoint] = field(default_factory=list[WorstPoint])  # points found
@@ -325,25 +331,28 @@ class _MomentInRegion:
         verdict = worst.verdict
         # Where the poles could not be isolated there is no radius to tell.
         if math.isfinite(verdict.radius):
-            self.unstable.append(_place_of(self.moment, gain, worst.point, verdict.radius))
+            self.unstable.append(_place_of(self.combination, gain, worst.point, verdict.radius))
         self.failures.append(
             f"{self.where}: {words}: {verdict.answer} at {worst.point.words()}, gain "
             f"{gain:.6g}: {verdict.reason}"
         )
 
 
-def _judge_moments(
-    design: Design, played: Sequence[tuple[_Moment, Setting]], region: Region, most_cells: int
-) -> list[_MomentInRegion]:
-    """Search each moment for an unstable point; where none is found, prove that there is none."""
-    named = [list(_claims(design, moment)) for moment, _ in played]
+def _judge_combinations(
+    design: Design, played: Sequence[tuple[_Combination, Setting]], region: Region, most_cells: int
+) -> list[_CombinationInRegion]:
+    """Search combinations for an unstable point; where none is found, prove that there is none."""
+    named = [list(_claims(design, combination)) for combination, _ in played]
     rays = [_ray_of(setting) for _, setting in played]
     named = _outermost(named, rays)
     asked = [
         (setting, [claim for claim, _ in claims])
         for (_, setting), claims in zip(played, named, strict=True)
     ]
-    judged = [_MomentInRegion(moment=moment, where=region.words(moment)) for moment, _ in played]
+    judged = [
+        _CombinationInRegion(combination=combination, where=region.words(combination))
+        for combination, _ in played
+    ]
     searched = worst_points_of_all(region, asked)
     for outcome, claims, found in zip(judged, named, searched, strict=True):
         for (claim, words), worst in zip(claims, found, strict=True):
@@ -392,7 +401,7 @@ def _ray_of(setting: Setting) -> tuple[tuple[float, ...], float]:
 def _outermost(
     named: Sequence[_NamedClaims], rays: Sequence[tuple[tuple[float, ...], float]]
 ) -> list[_NamedClaims]:
-    """Of the claims of each moment those that no other on its ray covers.
+    """Of the claims of each combination those that no other on its ray covers.
 
     A claim is of every smaller gain and shorter delay too. The margin of the largest setting of a
     ray is kept, so that its worst point is told.
@@ -415,12 +424,12 @@ def _outermost(
     ]
 
 
-def _claims(design: Design, moment: tuple[str, ...]) -> Iterator[tuple[Claim, str]]:
+def _claims(design: Design, combination: tuple[str, ...]) -> Iterator[tuple[Claim, str]]:
     """The margin kept, and what the elements claim beyond it, each with its name."""
     margin = design.margin
     yield Claim(gain=margin.gain, extra=float(margin.extra_delay_samples)), "margin"
-    claims = [design.elements[name].margins for name in moment]
-    # A single element claims for every moment it is in; its strongest claim covers the others.
+    claims = [design.elements[name].margins for name in combination]
+    # A single element claims for every combination it is in; its strongest claim covers the others.
     gain = max(claim.gain for claim in claims)
     if gain > margin.gain:
         yield Claim(gain=gain, extra=0.0), "claimed gain margin"
@@ -429,9 +438,9 @@ def _claims(design: Design, moment: tuple[str, ...]) -> Iterator[tuple[Claim, st
         yield Claim(gain=1.0, extra=float(extra)), "claimed delay margin"
 
 
-def _place_of(moment: _Moment, gain: float, point: Point, radius: float) -> WorstPoint:
+def _place_of(combination: _Combination, gain: float, point: Point, radius: float) -> WorstPoint:
     return WorstPoint(
-        elements=moment,
+        elements=combination,
         mass=point.mass,
         damping=point.damping,
         sample_time=point.sample_time,
@@ -455,8 +464,8 @@ def certify(
 ) -> Certificate:
     """Prove a design stable in its whole box, and look for a point that says otherwise.
 
-    Cells are for one moment, fewer than MOST_CELLS where less would be asked for instead; witnesses
-    are multipliers for the moments that are one-sided, a wrong one proves nothing. Raises
+    Cells are for one combination, fewer than MOST_CELLS where less would be asked for instead;
+    witnesses are multipliers for one-sided combinations, a wrong one proves nothing. Raises
     CheckFailedError with every failure, each naming elements, point and reason.
     """
     refuse_unbalanced(design.device)
@@ -473,39 +482,39 @@ def certify(
     absolute: dict[str, AbsoluteStability] = {}
     interior: dict[str, Literal["proved"]] = {}
     stated = witnesses or {}
-    outermost = outermost_of(design, clamped_moments(design), stated)
+    outermost = outermost_of(design, clamped_combinations(design), stated)
     played = [
-        (moment, setting)
-        for moment in design.moments()
-        if (setting := setting_of(design, moment)) is not None
+        (combination, setting)
+        for combination in design.combinations()
+        if (setting := setting_of(design, combination)) is not None
     ]
     most = most_cells or MOST_CELLS
-    judged = [_judge_moments(design, played, region, most) for region in regions]
+    judged = [_judge_combinations(design, played, region, most) for region in regions]
     outcomes, cells = list(zip(*judged, strict=True)), 0
-    for (moment, setting), found in zip(played, outcomes, strict=True):
-        failures += force_failures(design, moment)
+    for (combination, setting), found in zip(played, outcomes, strict=True):
+        failures += force_failures(design, combination)
         failures += [words for each in found for words in each.failures]
         if not all(each.proved for each in found):
             # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
             continue
         try:
-            cells += judge_levels(design, moment, regions, most)
-            if moment in outermost:
-                covered = outermost[moment] != moment
+            cells += judge_levels(design, combination, regions, most)
+            if combination in outermost:
+                covered = outermost[combination] != combination
                 proved, seen = judge_switched(
-                    design, moment, regions, stated, most_cells, covered=covered
+                    design, combination, regions, stated, most_cells, covered=covered
                 )
-                absolute[" + ".join(moment)] = proved
+                absolute[" + ".join(combination)] = proved
                 cells += seen
         except CheckFailedError as error:
             failures += error.failures
             continue
-        interior[" + ".join(moment)] = "proved"
-        if not meets_wall(design, moment):
-            failures += ripple_failures(design, moment, setting)
-        failures += passivity_failures(design, moment, setting, bare)
-        if len(moment) == 1:
-            failures += rendering_failures(design, moment[0], setting)
+        interior[" + ".join(combination)] = "proved"
+        if not meets_wall(design, combination):
+            failures += ripple_failures(design, combination, setting)
+        failures += passivity_failures(design, combination, setting, bare)
+        if len(combination) == 1:
+            failures += rendering_failures(design, combination[0], setting)
     every = [each for found in outcomes for each in found]
     if failures:
         raise CheckFailedError(tuple(failures), tuple(p for each in every for p in each.unstable))
@@ -516,14 +525,14 @@ def certify(
 
 def _certificate(
     design: Design,
-    every: Sequence[_MomentInRegion],
+    every: Sequence[_CombinationInRegion],
     cells: int,
     absolute: dict[str, AbsoluteStability],
     interior: dict[str, Literal["proved"]],
 ) -> Certificate:
-    """From what became of every moment in every region, and the further cells that were proved."""
-    moment, gain, worst = max(
-        ((each.moment, *each.worst) for each in every if each.worst is not None),
+    """From what became of each combination in each region, and the further cells proved."""
+    combination, gain, worst = max(
+        ((each.combination, *each.worst) for each in every if each.worst is not None),
         key=lambda found: found[2].verdict.radius,
     )
     regions = regions_of(design)
@@ -554,7 +563,7 @@ def _certificate(
         cells=cells + sum(each.cells for each in every),
         interior=interior,
         absolute_stability=absolute or None,
-        worst=_place_of(moment, gain, worst.point, worst.verdict.radius),
+        worst=_place_of(combination, gain, worst.point, worst.verdict.radius),
         assumes=_assumptions(design),
         not_assessed=_not_assessed(design),
         versions={name: version(name) for name in ("haptune", "numpy", "python-flint")},

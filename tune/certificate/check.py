@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from identification import Device, to_mapping
-from tune.certificate.absolute import clamped_moments, judge_switched
+from tune.certificate.absolute import clamped_combinations, judge_switched
 from tune.certificate.certify import (
     certify,
     note_of_apart,
@@ -71,7 +71,7 @@ TAKEN_ON_TRUST = _trusted(
     ("device", "facts of the device and its logs; --device compares them"),
     ("scene", "a name"),
     ("hand", "the grips asked for, each of which is proved"),
-    ("ripple_limit", "as asked for; that no moment exceeds it is recomputed"),
+    ("ripple_limit", "as asked for; that no combination exceeds it is recomputed"),
     ("perception", "how finely hands tell; the steps it gives are recomputed"),
     ("elements.*.motion", "how deep, fast and hard the hand moves"),
     ("together", "sets as asked for, each of which is proved"),
@@ -181,12 +181,15 @@ def check_content(
 def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     """Numbers of the certificate that the device and the elements of the file do not give."""
     stated = profile.certificate
-    for moment in stated.interior:
-        if moment not in fresh.interior:
-            yield f"certificate.interior says {moment} is proved, the profile has no such moment"
-    for moment in fresh.interior:
-        if moment not in stated.interior:
-            yield f"certificate.interior does not say that {moment} is proved. Tune again"
+    for combination in stated.interior:
+        if combination not in fresh.interior:
+            yield (
+                f"certificate.interior says {combination} is proved, the profile has no such "
+                "combination"
+            )
+    for combination in fresh.interior:
+        if combination not in stated.interior:
+            yield f"certificate.interior does not say that {combination} is proved. Tune again"
     for name in ("method", "assumes", "not_assessed", "absolute_stability"):
         if getattr(stated, name) != getattr(fresh, name):
             yield f"certificate.{name} is not what haptune says of such a profile. Tune again"
@@ -200,8 +203,8 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     for name, element in profile.elements.items():
         gains = [
             proved.gain
-            for moment, proved in (fresh.absolute_stability or {}).items()
-            if name in moment.split(" + ")
+            for combination, proved in (fresh.absolute_stability or {}).items()
+            if name in combination.split(" + ")
         ]
         seen, said = min(gains, default=None), element.margins.absolute_gain
         if said != seen:
@@ -212,7 +215,9 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
 def _worst_differs(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
     """The worst point is in the box, has the radius it says, and the search finds no worse."""
     stated = profile.certificate.worst
-    setting = setting_of(profile, stated.elements) if stated.elements in profile.moments() else None
+    setting = (
+        setting_of(profile, stated.elements) if stated.elements in profile.combinations() else None
+    )
     if setting is None:
         yield f"certificate.worst names {', '.join(stated.elements)[:80]}, which is not felt"
         return
@@ -433,19 +438,19 @@ def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
     if word == "lead":
         least, most = lead_of(design, name)
         return element.one_sided and (least < 0 or most > (element.lead or 0.0))
-    every = clamped_moments(design) if word == "saturation" else design.moments()
-    if any(_breaks(design, moment, word) for moment in every if name in moment):
+    every = clamped_combinations(design) if word == "saturation" else design.combinations()
+    if any(_breaks(design, combination, word) for combination in every if name in combination):
         return True
     device = design.device.simultaneous_box()
     lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
     return word == "gain-margin" and -getattr(element, effect) * design.margin.gain > lowest > 0
 
 
-def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
-    """Whether a moment breaks a limit on force or ripple, a stability margin or the proof of it."""
-    setting = setting_of(design, moment)
+def _breaks(design: Design, combination: tuple[str, ...], word: str) -> bool:
+    """Whether a combination breaks a limit on force or ripple, a margin or the proof of it."""
+    setting = setting_of(design, combination)
     if word == "force":
-        return bool(force_failures(design, moment))
+        return bool(force_failures(design, combination))
     if setting is None:
         return False
     if word == "saturation":
@@ -454,12 +459,12 @@ def _breaks(design: Design, moment: tuple[str, ...], word: str) -> bool:
         asked = {"gain": design.margin.gain}
         stated = {name: each.model_copy(update=asked) for name, each in known.items()}
         try:
-            judge_switched(design, moment, regions_of(design), stated, _FEW_CELLS)
+            judge_switched(design, combination, regions_of(design), stated, _FEW_CELLS)
         except CheckFailedError:
             return True
         return False
     if word == "ripple":
-        ripple = None if meets_wall(design, moment) else ripple_of(design, setting)
+        ripple = None if meets_wall(design, combination) else ripple_of(design, setting)
         return ripple is not None and ripple >= design.ripple_limit * (1 - _RIPPLE_AGREES)
     gain = 1.0 if word == "stability" else design.margin.gain
     extra = float(design.margin.extra_delay_samples) if word == "delay-margin" else 0.0

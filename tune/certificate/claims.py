@@ -111,12 +111,12 @@ def damping_for_passivity(setting: Setting, sample_time: float, delay_samples: i
     return max(0.0, float(values[at]), float(needed(near).max()))
 
 
-def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
+def force_failures(design: Design, combination: tuple[str, ...]) -> list[str]:
     """Forces of the stated motions against the limits of the device."""
     limit = design.device.force_limit
     if limit is None:
         return []
-    chosen = [design.elements[name] for name in moment]
+    chosen = [design.elements[name] for name in combination]
     # What is cut at its level needs no penetration: that it is safe so is proved apart.
     sustained = sum(item.stiffness * (item.motion.penetration or 0.0) for item in chosen)
     peak = sustained + sum(
@@ -128,12 +128,12 @@ def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
     wrong = [
         f"{name}: force_level says {item.force_level:.6g}, its spring gives {deep:.6g} as deep as "
         "is stated"
-        for name, item in zip(moment, chosen, strict=True)
+        for name, item in zip(combination, chosen, strict=True)
         for deep in (item.stiffness * (item.motion.penetration or 0.0),)
         if (item.force_level > 0) != bool(item.stiffness) or deep > item.force_level * (1 + _CUT)
     ]
     return wrong + [
-        f"{' + '.join(moment)}: {words} force {seen:.6g} exceeds the limit {most:.6g}"
+        f"{' + '.join(combination)}: {words} force {seen:.6g} exceeds the limit {most:.6g}"
         for words, seen, most in (
             ("sustained", sustained, limit.continuous),
             ("peak", peak, limit.peak),
@@ -143,22 +143,22 @@ def force_failures(design: Design, moment: tuple[str, ...]) -> list[str]:
     ]
 
 
-def meets_wall(design: Design, moment: tuple[str, ...]) -> bool:
+def meets_wall(design: Design, combination: tuple[str, ...]) -> bool:
     """Whether a wall is met beside other elements, where ripple is told and not bound."""
-    return bool(design.walls.intersection(moment)) and not design.walls.issuperset(moment)
+    return bool(design.walls.intersection(combination)) and not design.walls.issuperset(combination)
 
 
-def ripple_failures(design: Design, moment: tuple[str, ...], setting: Setting) -> list[str]:
-    """Ripple of a moment against the limit, and what a lone element claims against what it has."""
+def ripple_failures(design: Design, combination: tuple[str, ...], setting: Setting) -> list[str]:
+    """Ripple of a combination against the limit, and a lone element's claim against what it has."""
     seen = ripple_of(design, setting)
     if seen is None:
         return []
-    where = " + ".join(moment)
+    where = " + ".join(combination)
     failures: list[str] = []
     if not seen <= design.ripple_limit * (1 + _AGREE):
         failures.append(f"{where}: ripple {seen:.4g} exceeds the limit {design.ripple_limit:.4g}")
-    claimed = max((design.elements[name].ripple or 0.0 for name in moment), default=0.0)
-    if len(moment) == 1 and claimed < seen * (1 - _AGREE):
+    claimed = max((design.elements[name].ripple or 0.0 for name in combination), default=0.0)
+    if len(combination) == 1 and claimed < seen * (1 - _AGREE):
         failures.append(f"{where}: claims a ripple of {claimed:.4g}, has {seen:.4g}")
     return failures
 
@@ -185,11 +185,11 @@ def ripple_of(design: Design, setting: Setting) -> float | None:
 
 
 def passivity_failures(
-    design: Design, moment: tuple[str, ...], setting: Setting, region: Region
+    design: Design, combination: tuple[str, ...], setting: Setting, region: Region
 ) -> list[str]:
     """A claim of passivity, which is known for a rigid device and whole samples of delay."""
-    claimed = [name for name in moment if design.elements[name].margins.passive is True]
-    if len(moment) != 1 or not claimed:
+    claimed = [name for name in combination if design.elements[name].margins.passive is True]
+    if len(combination) != 1 or not claimed:
         return []
     whole = whole_delay(region)
     if whole is None:

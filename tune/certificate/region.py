@@ -133,9 +133,9 @@ def groups_of_equal_effects(settings: Sequence[Setting]) -> list[list[int]]:
     ]
 
 
-def setting_of(design: Design, moment: tuple[str, ...]) -> Setting | None:
+def setting_of(design: Design, combination: tuple[str, ...]) -> Setting | None:
     """The sum of effects of some elements; None if nothing acts."""
-    chosen = [design.elements[name] for name in moment]
+    chosen = [design.elements[name] for name in combination]
     totals = {name: sum(getattr(element, name) for element in chosen) for name in EFFECT_NAMES}
     return Setting(**totals, **design.loop.filter_settings()) if any(totals.values()) else None
 
@@ -170,9 +170,9 @@ class Region:
             self.hand is not None and self.hand.stiffness[0] > 0
         )
 
-    def words(self, moment: tuple[str, ...]) -> str:
+    def words(self, combination: tuple[str, ...]) -> str:
         """Elements that are felt at once in this region, for people."""
-        return " + ".join(moment) + (" in a hand" if self.hand is not None else "")
+        return " + ".join(combination) + (" in a hand" if self.hand is not None else "")
 
     def sides(self) -> tuple[Interval, ...]:
         """Every interval, in the order that `point` reads."""

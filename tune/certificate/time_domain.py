@@ -287,7 +287,7 @@ def four_digits(value: float | None) -> str:
 
 
 def jitter_failures(design: Design, name: str) -> Iterator[str]:
-    """A jitter that is not the least over the corners of the box and the moments of an element."""
+    """A jitter that is not the least over corners of the box and combinations of an element."""
     said = design.elements[name].margins.jitter
     if said is None:
         yield f"{name}: margins.jitter is missing. Tune again"
@@ -296,7 +296,11 @@ def jitter_failures(design: Design, name: str) -> Iterator[str]:
         yield f"{name}: margins.jitter says {said:.4g}, it lies within 0 to {_MOST:g}"
         return
     region = regions_of(design)[0]
-    settings = (setting_of(design, moment) for moment in design.moments() if name in moment)
+    settings = (
+        setting_of(design, combination)
+        for combination in design.combinations()
+        if name in combination
+    )
     corners = [np.array(corner) for alike in _corners(region) for corner in alike]
     loops = [(each, values) for each in settings if each is not None for values in corners]
 

@@ -340,7 +340,7 @@ def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str
     """Safe or not proved, where a profile was judged; what feels different; what changed."""
     lines: list[str] = []
     if found.holds:
-        lines.append(f"safe: {old} holds on the device of {new}, every moment with its margin")
+        lines.append(f"safe: {old} holds on the device of {new}, every combination with its margin")
     elif found.failures:
         kept = "" if found.gain is None else f"; a gain margin of {found.gain:.3g} is proved there"
         lines.append(f"not proved: {old} does not hold on the device of {new}{kept}")
@@ -521,7 +521,7 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
 
 
 def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
-    """What to do where the log of a moment cannot tell."""
+    """What to do where the log of a combination cannot tell."""
     from tune.verification import advise
 
     with session.progress() as say:

@@ -407,7 +407,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
         for name, element in design.elements.items()
         if any(getattr(element, effect) for effect in EFFECT_NAMES)
     }
-    combinations = [names for names in design.moments() if there.issuperset(names)]
+    combinations = [names for names in design.combinations() if there.issuperset(names)]
     runs = -(-len(combinations) // _AT_ONCE)
     vetoes: dict[tuple[str, ...], str] = {}
     for run in range(runs):
@@ -458,7 +458,7 @@ def _law(design: Design, combinations: Sequence[tuple[str, ...]]) -> Controller:
     from datasets_synthetic import Calls, Controller
     from tune.documents.profile import SafeProfile
 
-    certified = {frozenset(names) for names in design.moments()}
+    certified = {frozenset(names) for names in design.combinations()}
     members = [_parts(design, names, certified) for names in combinations]
     loop = design.loop
     infinite = float("inf")

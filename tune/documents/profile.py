@@ -39,7 +39,7 @@ from tune.documents.scene import (
     Margin,
     MarginName,
     Motion,
-    moments_of,
+    combinations_of,
     refuse_strange_groups,
 )
 
@@ -141,7 +141,7 @@ class Multiplier(Document):
 
 
 class AbsoluteStability(Document):
-    """What one moment is proved for beside its linear loop: clamped, switched, faded.
+    """What one combination is proved for beside its linear loop: clamped, switched, faded.
 
     Attributes:
         gain: every gain in (0, gain].
@@ -177,9 +177,9 @@ class Certificate(Document):
         extra_delay_samples: on top of the device's delay, any part of it.
         points: judged one by one in many digits.
         cells: excluded one by one, of which the proof is made.
-        interior: by moment; nothing but "proved" is ever written.
-        absolute_stability: by moment, for those with a clamp that may be reached; None for none.
-        worst: found by search over all moments.
+        interior: by combination; nothing but "proved" is ever written.
+        absolute_stability: by combination, for those whose clamp may be reached; None for none.
+        worst: found by search over all combinations.
         assumes: what the proof takes for granted.
         not_assessed: what it leaves out.
         versions: of what computed it.
@@ -312,7 +312,7 @@ MOST_EXTRA_DELAY = 10
 
 
 class Margins(Document):
-    """Margins of one element over the whole box and every moment it is part of.
+    """Margins of one element over the whole box and every combination it is part of.
 
     Attributes:
         gain: stable for every gain in (0, gain].
@@ -323,8 +323,8 @@ class Margins(Document):
         jitter: part of the sample time by which each step may be longer or shorter with the loop
             stable at its own gain, at the corners of the box; assessed, not proved. None in
             profiles written before it was computed, which `check` refuses.
-        absolute_gain: the gain up to which all moments with this element that are one-sided are
-            proved absolutely stable, with the extra delay of the margin; None where none is.
+        absolute_gain: the gain up to which all one-sided combinations with this element are proved
+            absolutely stable, with the extra delay of the margin; None where none is.
     """
 
     gain: float
@@ -497,9 +497,9 @@ class Design(Document):
         """Names of the elements that push on one side only."""
         return frozenset(name for name, element in self.elements.items() if element.one_sided)
 
-    def moments(self) -> tuple[tuple[str, ...], ...]:
+    def combinations(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
-        return moments_of(self.elements, self.together, self.walls, self.apart)
+        return combinations_of(self.elements, self.together, self.walls, self.apart)
 
 
 class SafeProfile(Design, Tabular):
@@ -512,7 +512,7 @@ class SafeProfile(Design, Tabular):
         played = "; ".join(f"{name}: {each.sizes()}" for name, each in self.elements.items())
         return (
             f"SafeProfile({self.scene} on {self.device.name}, margin {self.margin.name}, "
-            f"{len(self.certificate.interior)} moment(s) proved; {played})"
+            f"{len(self.certificate.interior)} combination(s) proved; {played})"
         )
 
     def _rows(self) -> list[dict[str, object]]:

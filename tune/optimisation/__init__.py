@@ -50,10 +50,10 @@ from tune.documents.scene import (
 from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.describe import (
-    SizedMoment,
+    SizedCombination,
+    combination_margins,
     element_profile,
     extra_delays,
-    moment_margins,
     notes_of_unmet,
     with_fades,
     with_levels_and_contacts,
@@ -75,7 +75,7 @@ _MOST_ATTEMPTS = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge.
 SLACK = (1e-3, 1e-2, 5e-2)
-#: Cells of a proof, for one moment, after which more margin is tried instead; the last try has all.
+#: Cells of the proof of a combination after which more margin is tried; the last try has all.
 _CELLS = 50_000
 #: Stable at twice the gain and one sample late: room for what a model leaves out.
 _RECOMMENDED: MarginName = "balanced"
@@ -163,7 +163,7 @@ def _proposed(
 
 
 def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
-    """What proves the clamps of solutions, by moment, as stored; nothing where none is reached."""
+    """What proves the clamps of solutions, by combination, as stored; nothing where none may be."""
     found = _proved(solutions)
     if not found:
         return {}
@@ -176,7 +176,7 @@ def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, A
 
 
 def _proved(solutions: Sequence[Solution]) -> AllFound:
-    """The gains of moments that must be absolutely stable, of what is left, part of no other."""
+    """Gains of combinations that must be absolutely stable, of what is left, part of no other."""
     there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
     found = {
         tuple(name for name in names if name in there): one
@@ -221,17 +221,17 @@ def design_of(
     """What was chosen for every element, with its margins and why it is no larger, uncertified."""
     device, scene, table = task.device, task.scene, task.table
     felt = [
-        SizedMoment(solved.problem, moment, solved.sizes)
+        SizedCombination(solved.problem, combination, solved.sizes)
         for solved in solutions
-        for moment in solved.problem.moments
-        if solved.sizes.size and any(moment.members)
+        for combination in solved.problem.combinations
+        if solved.sizes.size and any(combination.members)
     ]
     kept = MARGINS[scene.margin]
     found = {
-        one.moment.elements: moment_margins(device, one, late, kept, task.slack)
+        one.combination.elements: combination_margins(device, one, late, kept, task.slack)
         for one, late in zip(felt, extra_delays(felt), strict=True)
     }
-    # Of every moment the elements of which something is left.
+    # Of every combination the elements of which something is left.
     there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
     margins = [
         found[part]._replace(elements=each)

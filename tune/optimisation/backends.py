@@ -3,8 +3,8 @@
 What they propose is never trusted: `feasibility` checks it exactly. Unknowns are the logarithms y
 of the sizes. Every constraint reads g <= 0: the limits of stability, which give values and slopes,
 and expressions of CasADi, compiled once for each structure: ripple, forces, rendering, and Routh
-ratios below one with coefficients positive at each corner, delay and moment at the full gain, which
-stand for the limits of stability where a solver wants everything in one graph.
+ratios below one with coefficients positive at each corner, delay and combination at the full gain,
+which stand for the limits of stability where a solver wants everything in one graph.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class _Structure:
     """What decides the shape of the graph; equal structures share compiled functions of (y, p).
 
     Attributes:
-        moments: members by effect of each moment.
+        combinations: members by effect of each combination.
         quiet: whether the ripple of each is bound.
         ratios: (i, j) of sizes whose ratio is bound.
         shapes: (degree, scenarios, position bound by device or hand) of the loops.
@@ -70,7 +70,7 @@ class _Structure:
     """
 
     signs: tuple[int, ...]
-    moments: tuple[tuple[tuple[int, ...], ...], ...]
+    combinations: tuple[tuple[tuple[int, ...], ...], ...]
     quiet: tuple[bool, ...]
     ratios: tuple[tuple[int, int], ...]
     shapes: tuple[tuple[int, int, bool], ...]
@@ -172,7 +172,7 @@ def _graph(structure: _Structure) -> _Graph:
     values = (signs * sizes).elements()
     totals = [
         [sum((values[i] for i in m), 0.0) if m else None for m in members]
-        for members in structure.moments
+        for members in structure.combinations
     ]
     constraints: list[Any] = []
     if structure.laws:
@@ -217,7 +217,7 @@ def _height(values: Any, scales: Any) -> Any:
 
 
 def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool = True) -> list[Any]:
-    """Coefficients of one moment; without a spring the factor w is dropped if asked to."""
+    """Coefficients of one combination; without a spring the factor w is dropped if asked to."""
     start = 1 if drop and total[0] is None else 0
     there = [(effect, value) for effect, value in enumerate(total, 1) if value is not None]
     return [
@@ -275,8 +275,8 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     rows = problem.linear.rows[problem.linear.shown] * (1 + _INSIDE)
     structure = _Structure(
         signs=tuple(unknown.sign for unknown in problem.unknowns),
-        moments=tuple(moment.members for moment in problem.moments),
-        quiet=tuple(not moment.meeting for moment in problem.moments),
+        combinations=tuple(combination.members for combination in problem.combinations),
+        quiet=tuple(not combination.meeting for combination in problem.combinations),
         ratios=tuple((i, j) for i, j, _ in problem.linear.ratios),
         shapes=tuple((loop.degree, len(chosen), loop.grounded) for loop, chosen in shown),
         laws=problem.loops.nominal.degree if ripple else 0,

@@ -41,7 +41,7 @@ from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
-from tune.optimisation.problem import DesignTask, Moment, Problem
+from tune.optimisation.problem import Combination, DesignTask, Problem
 from tune.rendering import contact, rendered_mass_and_damping
 from tune.stability.criterion import damping_needed
 from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortest_fade
@@ -86,16 +86,16 @@ _DIGIT = 0.01
 _MET = 1 - 1e-5
 
 
-class SizedMoment(NamedTuple):
-    """One moment of a problem at certain sizes of the unknowns."""
+class SizedCombination(NamedTuple):
+    """One combination of a problem at certain sizes of the unknowns."""
 
     problem: Problem
-    moment: Moment
+    combination: Combination
     sizes: FloatArray
 
 
-def extra_delays(felt: Sequence[SizedMoment]) -> list[float]:
-    """Extra samples of delay up to which every gain in (0, 1] is stable at every corner, by moment.
+def extra_delays(felt: Sequence[SizedCombination]) -> list[float]:
+    """Extra samples of delay up to which all gains in (0, 1] are stable at all corners, of each.
 
     Looked for at whole samples and, before the first that fails, at tenths; what lies between is
     for the certificate to prove. `MOST_EXTRA_DELAY` where more may be borne.
@@ -123,28 +123,28 @@ def extra_delays(felt: Sequence[SizedMoment]) -> list[float]:
     return [round(float(whole + part / _PARTS), 1) for whole, part in zip(holds, low, strict=True)]
 
 
-def _holding(felt: Sequence[SizedMoment], parts: NDArray[np.int64]) -> BoolArray:
-    """Whether each moment is stable at its own parts of a sample more, at every gain in (0, 1]."""
+def _holding(felt: Sequence[SizedCombination], parts: NDArray[np.int64]) -> BoolArray:
+    """Whether each is stable at its own parts of a sample more, at every gain in (0, 1]."""
     good = np.zeros(len(felt), dtype=np.bool_)
     together: dict[tuple[int, float, bool], list[int]] = {}
     for place, (one, part) in enumerate(zip(felt, parts.tolist(), strict=True)):
         late = part / _PARTS
-        alone = one.moment.lone
+        alone = one.combination.lone
         if alone is not None:
             unknown = one.problem.unknowns[alone]
             end = one.problem.loops.end_alone_at(unknown.effect, unknown.sign, late)
             good[place] = end > float(one.sizes[alone]) * (1 + CLOSE)
         else:
-            sprung = bool(one.moment.members[0])
+            sprung = bool(one.combination.members[0])
             together.setdefault((id(one.problem.loops), late, sprung), []).append(place)
     for (_, late, _), places in together.items():
         good[places] = _stable([felt[place] for place in places], late)
     return good
 
 
-def _stable(felt: Sequence[SizedMoment], late: float) -> BoolArray:
-    """Moments with the same loops, all with a spring or all without, at one extra delay."""
-    each = [one.problem.effects(one.moment, one.sizes) for one in felt]
+def _stable(felt: Sequence[SizedCombination], late: float) -> BoolArray:
+    """Combinations with the same loops, all with a spring or all without, at one extra delay."""
+    each = [one.problem.effects(one.combination, one.sizes) for one in felt]
     totals: dict[EffectName, FloatArray | None] = {}
     for name in EFFECT_NAMES:
         values: list[float | None] = [getattr(effects, name) for effects in each]
@@ -230,8 +230,8 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
-class _MomentMargins(NamedTuple):
-    """Margins of one moment at the sizes written.
+class _CombinationMargins(NamedTuple):
+    """Margins of one combination at the sizes written.
 
     Attributes:
         gain: stable for every gain below it, at the device's own delay.
@@ -245,25 +245,25 @@ class _MomentMargins(NamedTuple):
     jitter: float
 
 
-def moment_margins(
-    device: Device, one: SizedMoment, late: float, kept: Margin, slack: float
-) -> _MomentMargins:
-    """Margins of one moment that bears so many extra samples of delay.
+def combination_margins(
+    device: Device, one: SizedCombination, late: float, kept: Margin, slack: float
+) -> _CombinationMargins:
+    """Margins of one combination that bears so many extra samples of delay.
 
     A part of what is beyond the kept margin, the slack, is not claimed, where a proof came too
     close to the edge.
     """
-    gain = min(worst_gain(one.problem, one.moment, one.sizes, late=False), _MARGIN_CAP)
+    gain = min(worst_gain(one.problem, one.combination, one.sizes, late=False), _MARGIN_CAP)
     late = min(float(MOST_EXTRA_DELAY), late)
     if slack:
         gain = max(gain * (1 - slack), min(gain, kept.gain))
         less = float(np.floor(late * (1 - slack) * 10) / 10)
         late = max(less, min(late, kept.extra_delay_samples))
-    felt = one.problem.effects(one.moment, one.sizes)
+    felt = one.problem.effects(one.combination, one.sizes)
     K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
     places = corners_of(device, one.problem.region.box)
     jitter = min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M)))
-    return _MomentMargins(one.moment.elements, gain, late, jitter)
+    return _CombinationMargins(one.combination.elements, gain, late, jitter)
 
 
 def element_profile(
@@ -271,13 +271,13 @@ def element_profile(
     scene: Scene,
     solved: Solution,
     name: str,
-    margins: Sequence[_MomentMargins],
+    margins: Sequence[_CombinationMargins],
     absolute: AllFound,
     slack: float,
 ) -> ElementProfile:
     """The profile entry of one element, every number computed from the written sizes.
 
-    Margins are those of all moments of the scene; absolute are the gains of the moments that are
+    Margins are those of all combinations of the scene; absolute are the gains of those that are
     proved absolutely stable, of which the slack is not claimed.
     """
     problem, sizes = solved.problem, solved.sizes
@@ -293,7 +293,7 @@ def element_profile(
         values[unknown.effect] = unknown.sign * float(sizes[index])
         steps[unknown.effect] = round_to_digits(unknown.steps(float(sizes[index])), 4)
         limited[unknown.effect] = word
-    alone = [m for m in problem.moments if m.elements == (name,) and any(m.members)]
+    alone = [m for m in problem.combinations if m.elements == (name,) and any(m.members)]
     mine = [each for each in margins if name in each.elements]
     gains = [each.gain for each in mine]
     # What an unstable loop makes of the encoder's noise has no number.
@@ -346,7 +346,7 @@ def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design
         for name, element in design.elements.items()
         if element.stiffness
     }
-    at_once = [deep.keys() & {*moment} for moment in design.moments()]
+    at_once = [deep.keys() & {*combination} for combination in design.combinations()]
     peak = np.inf if device.force_limit is None else device.force_limit.peak
     filters = filters_of(design.loop)
     elements: dict[str, ElementProfile] = {}
@@ -380,8 +380,8 @@ def with_fades(design: Design, scene: Scene) -> Design:
     """The design with the fade time of every element that fades, so slow that no hand pumps.
 
     It is looked for with the margin of gain used up, and with that of delay. Where several of a
-    moment fade, each at any time, all of them together move a swing as their sum does, and each
-    takes so many times longer.
+    combination fade, each at any time, all of them together move a swing as their sum does, and
+    each takes so many times longer.
 
     Raises:
         InvalidInputError: the scene asks for a shorter time.
@@ -389,10 +389,10 @@ def with_fades(design: Design, scene: Scene) -> Design:
     """
     needed = {name: SHORTEST_FADE for name, element in design.elements.items() if element.fades}
     # While a wall pushes no level moves.
-    for moment in (each for each in design.moments() if design.walls.isdisjoint(each)):
-        fading = [name for name in moment if name in needed]
+    for combination in (each for each in design.combinations() if design.walls.isdisjoint(each)):
+        fading = [name for name in combination if name in needed]
         for name in fading:
-            time = len(fading) * _slowest(design, moment, fading, name)
+            time = len(fading) * _slowest(design, combination, fading, name)
             needed[name] = max(needed[name], time)
     elements = dict(design.elements)
     for name, time in needed.items():
@@ -423,10 +423,10 @@ def _stated(name: str, least: float, wanted: float | None) -> float:
     return least if wanted is None else wanted
 
 
-def _slowest(design: Design, moment: Sequence[str], fading: Sequence[str], name: str) -> float:
-    """s, for one element of a moment: with the others that fade beside it, or along with it."""
+def _slowest(design: Design, combination: Sequence[str], fading: Sequence[str], name: str) -> float:
+    """s, for one element of a combination: with those that fade beside it, or along with it."""
     elements = design.elements
-    others = [elements[each] for each in moment if each not in fading]
+    others = [elements[each] for each in combination if each not in fading]
     along = [elements[each] for each in fading if each != name]
     own = elements[name]
     undamped = [each.model_copy(update={"damping": min(each.damping, 0.0)}) for each in others]
@@ -451,7 +451,7 @@ def _times(gain: float, values: Values) -> Values:
 
 @lru_cache(maxsize=1024)
 def _found(places: tuple[Corner, ...], filters: Filters, beside: Values, fading: Values) -> float:
-    """Fade time of an element beside a moment, kept because it is asked for more than once.
+    """Fade time of an element beside a combination, kept because it is asked for more than once.
 
     A spring that fades in from nothing swings so slowly at low levels that only what the device
     loses bounds it there: where that is too little, it is taken to go all the way in and out.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
-from tune.optimisation.problem import Moment, Problem
+from tune.optimisation.problem import Combination, Problem
 from tune.stability.verdict import (
     CLOSE,
     is_stable,
@@ -42,13 +42,15 @@ _INSIDE = 0.98
 _STARTS = 2
 
 
-def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: bool = True) -> float:
+def worst_gain(
+    problem: Problem, combination: Combination, sizes: FloatArray, *, late: bool = True
+) -> float:
     """Largest g such that every gain in (0, g) is stable at every corner and delay."""
-    if moment.lone is not None:
-        unknown = problem.unknowns[moment.lone]
+    if combination.lone is not None:
+        unknown = problem.unknowns[combination.lone]
         end = problem.loops.end_alone(unknown.effect, unknown.sign, late=late)
-        return end / float(sizes[moment.lone])
-    effects = problem.effects(moment, sizes)
+        return end / float(sizes[combination.lone])
+    effects = problem.effects(combination, sizes)
     loops = problem.loops.late if late else problem.loops.present
     return min(float(np.min(safe_gain(loop, effects))) for loop in loops)
 
@@ -56,7 +58,7 @@ def worst_gain(problem: Problem, moment: Moment, sizes: FloatArray, *, late: boo
 def least_margin_loops(
     problem: Problem, sizes: FloatArray, *, broken: bool = False
 ) -> Iterator[tuple[int, int]]:
-    """(loop of ``problem.loops.late``, column) of the least margin of each moment and loop.
+    """(loop of ``problem.loops.late``, column) of the least margin of each combination and loop.
 
     With ``broken`` only where the margin is not kept.
     """
@@ -70,21 +72,21 @@ def least_margin_loops(
     yield from sorted(found)
 
 
-def ripple(problem: Problem, moment: Moment, sizes: FloatArray) -> float | None:
-    """Force ripple of one moment on the device at its best estimate, N rms; None if unknown."""
+def ripple(problem: Problem, combination: Combination, sizes: FloatArray) -> float | None:
+    """Force ripple of a combination on the device at its best estimate, N rms; None if unknown."""
     if problem.limits.encoder_resolution is None:
         return None
-    effects = problem.effects(moment, sizes)
+    effects = problem.effects(combination, sizes)
     return float(problem.loops.ripple(effects, problem.limits.encoder_resolution))
 
 
-def forces(moment: Moment, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+def forces(combination: Combination, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(sustained, peak) force, N: K·penetration; the same plus |B|·speed + |M|·acceleration."""
     parts = [
         np.asarray(
             sum(sizes[i] * (reach or 0.0) for i, reach in zip(indices, reaches, strict=True))
         )
-        for indices, reaches in zip(moment.members, moment.reach, strict=True)
+        for indices, reaches in zip(combination.members, combination.reach, strict=True)
     ]
     return parts[0], parts[0] + parts[1] + parts[2]
 
@@ -131,7 +133,7 @@ def stable_in_doubles(problem: Problem, points: FloatArray) -> BoolArray:
 
 
 def _keeps_linear_limits(problem: Problem, sizes: FloatArray) -> BoolArray:
-    """True where no moment asks for too much force, and all is felt; sizes are (unknowns, ...)."""
+    """True where none asks for too much force, and all is felt; sizes are (unknowns, ...)."""
     return np.all(problem.linear.used(sizes) <= 1 + CLOSE, axis=0)
 
 
@@ -156,7 +158,7 @@ def _largest_quiet_size(problem: Problem, index: int, top: float) -> float:
 def stable_points(
     problem: Problem, points: FloatArray, gain: float, *, late: bool = True
 ) -> BoolArray:
-    """True of each point at which every moment is stable for every gain in (0, gain]."""
+    """True of each point at which every combination is stable for every gain in (0, gain]."""
     top = gain * (1 + CLOSE)
     if len(problem.unknowns) == 1:
         unknown = problem.unknowns[0]
@@ -170,9 +172,9 @@ def stable_points(
 
 
 def _felt(problem: Problem, points: FloatArray, *, meetings: bool = True) -> Iterator[Effects]:
-    """Effects of shape (points, moments, 1): of the moments with a spring, of those without.
+    """Effects of shape (points, combinations, 1): of those with a spring, of those without.
 
-    Within each, an effect that one moment lacks is zero in it, which is the same for all but a
+    Within each, an effect that one combination lacks is zero in it, which is the same for all but a
     spring.
     """
     for sprung in (True, False):
@@ -208,18 +210,18 @@ def ripple_bound(problem: Problem, sizes: FloatArray, index: int, top: float) ->
         return np.inf
     if len(problem.unknowns) == 1:
         return _largest_quiet_size(problem, index, top)
-    moments = [
+    combinations = [
         m
-        for m in problem.moments
+        for m in problem.combinations
         if not m.meeting and any(index in members for members in m.members)
     ]
-    if not moments:
+    if not combinations:
         return np.inf
     trial = sizes.copy()
 
     def noise(size: float) -> float:
         trial[index] = size
-        return max(ripple(problem, moment, trial) or 0.0 for moment in moments)
+        return max(ripple(problem, combination, trial) or 0.0 for combination in combinations)
 
     return last_within(noise, problem.limits.ripple, top, float(sizes[index]))
 
@@ -269,10 +271,10 @@ def _ends(
     """Where each unknown leaves the stable interval it is in, at the full gain alone."""
     ends = np.full(len(indices), np.inf)
     cases = [
-        (row, moment, place)
+        (row, combination, place)
         for row, index in enumerate(indices)
-        for moment in problem.moments
-        for place, members in enumerate(moment.members)
+        for combination in problem.combinations
+        for place, members in enumerate(combination.members)
         if index in members
     ]
     loops = problem.loops.late if late else problem.loops.present
@@ -283,10 +285,10 @@ def _ends(
         # What other elements have of the same effect, and the totals of the other effects.
         bases: list[float] = []
         others: list[list[float]] = []
-        for row, moment, place in chosen:
+        for row, combination, place in chosen:
             totals = [
                 float(sum(problem.unknowns[i].sign * sizes[i] for i in m if i != indices[row]))
-                for m in moment.members
+                for m in combination.members
             ]
             bases.append(totals[place])
             others.append([0.0 if effect == place else t for effect, t in enumerate(totals)])

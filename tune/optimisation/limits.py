@@ -274,14 +274,14 @@ def _proportions(given: FloatArray, mass: int, units: FloatArray) -> Iterator[Pr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class Combination:
     """Elements felt at once: which unknowns add up, and the motion of each element.
 
     Attributes:
         members: indices of unknowns, for K, B and M.
         reach: (penetration, m; speed, m/s; acceleration, m/s²) for each unknown, in the order of
             ``members``; None where the force is cut by a clamp and bounds nothing.
-        absolute: the moment must be absolutely stable: the clamp of one of its springs may be
+        absolute: the combination must be absolutely stable: the clamp of one of its springs may be
             reached, as that of a wall always is.
         meeting: a wall is met beside other elements; its ripple is told, not bound.
     """
@@ -294,7 +294,7 @@ class Moment:
 
     @property
     def lone(self) -> int | None:
-        """The only unknown of the moment, None where there are several or none."""
+        """The only unknown of the combination, None where there are several or none."""
         found = [index for indices in self.members for index in indices]
         return found[0] if len(found) == 1 else None
 
@@ -421,8 +421,8 @@ class StabilityLimits:
         tables: of each loop with corners, (fixed, varied and their sizes), of shapes
             (degree+1, corners) and (3, degree+1, corners) in K, B and M.
         grounded: whether device or hand bind the position, by loop.
-        shares: what each unknown adds to K, B and M of the moments with a spring and of those
-            without, shape (moments, 3, unknowns) each.
+        shares: what each unknown adds to K, B and M of the combinations with a spring and of those
+            without, shape (combinations, 3, unknowns) each.
     """
 
     tables: tuple[_Table, ...]
@@ -448,8 +448,8 @@ class StabilityLimits:
     @property
     def size(self) -> int:
         """How many constraints these are."""
-        moments = sum(len(shares) for shares in self.shares)
-        return 2 * moments * sum(table[0].shape[1] for table in self.tables)
+        combinations = sum(len(shares) for shares in self.shares)
+        return 2 * combinations * sum(table[0].shape[1] for table in self.tables)
 
     def at(self, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Constraints, shape (constraints,), and their slopes to log-sizes, (constraints, n)."""
@@ -470,8 +470,8 @@ def _margin(
 ) -> tuple[FloatArray, FloatArray]:
     """ln(gain) - ln g and the phase of the nearest gap, and their slopes to log-sizes.
 
-    Parts are what each unknown adds to K, B and M, (moments, 3, unknowns); powers of w below
-    ``skip`` are left out. Shapes (2, moments, corners) and (2, moments, corners, unknowns).
+    Parts are what each unknown adds to K, B and M, (combinations, 3, unknowns); powers of w below
+    ``skip`` are left out. Shapes (2, combinations, corners) and the same with unknowns behind.
     """
     fixed, effects, fixed_size, effect_sizes = table
     totals = parts.sum(axis=2)
@@ -523,7 +523,7 @@ def _powers(omega: FloatArray, count: int) -> ComplexArray:
 
 
 def _changes(effects: FloatArray, powers: ComplexArray, parts: FloatArray) -> ComplexArray:
-    """What each unknown adds to the polynomial, (moments, corners, unknowns)."""
+    """What each unknown adds to the polynomial, (combinations, corners, unknowns)."""
     each = np.einsum("ekc,kmc->mce", effects, powers)
     return np.einsum("mce,mei->mci", each, parts)
 

@@ -96,7 +96,7 @@ class Optimum:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """The answer for elements that share moments.
+    """The answer for elements that share combinations.
 
     Attributes:
         problem: with only the unknowns that are perceptible and feasible.
@@ -104,7 +104,7 @@ class Solution:
         dropped: reason by label of every effect that was left out.
         disagreement: of the solvers, in the logarithm of the product of steps.
         unrounded: sizes as they were found; empty where nothing was looked for.
-        absolute: gains of the moments that must be absolutely stable.
+        absolute: gains of the combinations that must be absolutely stable.
         stepped_back: unknowns that are smaller for it.
         clash: a wall and an element that cannot be met together at one step of each; None if all
             can.

@@ -1,4 +1,4 @@
-"""Design problem of elements that share a moment: unknowns, moments, loops and limits."""
+"""Design problem of elements that share a combination: unknowns, combinations, loops and limits."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from tune.documents.scene import (
 )
 from tune.loop.loop import Filters, used_filters
 from tune.optimisation.limits import (
+    Combination,
     LinearLimits,
-    Moment,
     Unknown,
     renderings,
 )
@@ -69,7 +69,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Unknowns of elements that share moments, and everything that bounds them.
+    """Unknowns of elements that share combinations, and everything that bounds them.
 
     Attributes:
         linear: limits of force and rendering as rows.
@@ -79,7 +79,7 @@ class Problem:
     """
 
     unknowns: tuple[Unknown, ...]
-    moments: tuple[Moment, ...]
+    combinations: tuple[Combination, ...]
     margin: Margin
     loops: Loops
     limits: Limits
@@ -113,27 +113,27 @@ class Problem:
         return self.loops.filters
 
     def shares(self, *, sprung: bool, meetings: bool = True) -> FloatArray:
-        """What each unknown adds to K, B and M of the moments with a spring, or of those without.
+        """What each unknown adds to K, B and M of combinations with a spring, or of those without.
 
-        Signs of shape (moments, 3, unknowns); meetings are those of walls with others.
+        Signs of shape (combinations, 3, unknowns); meetings are those of walls with others.
         """
-        moments = [
-            moment
-            for moment in self.moments
-            if bool(moment.members[0]) == sprung and (meetings or not moment.meeting)
+        combinations = [
+            combination
+            for combination in self.combinations
+            if bool(combination.members[0]) == sprung and (meetings or not combination.meeting)
         ]
-        shares = np.zeros((len(moments), len(EFFECT_NAMES), len(self.unknowns)))
-        for row, moment in zip(shares, moments, strict=True):
-            for effect, members in enumerate(moment.members):
+        shares = np.zeros((len(combinations), len(EFFECT_NAMES), len(self.unknowns)))
+        for row, combination in zip(shares, combinations, strict=True):
+            for effect, members in enumerate(combination.members):
                 for index in members:
                     row[effect, index] = self.unknowns[index].sign
         return shares
 
-    def effects(self, moment: Moment, sizes: FloatArray) -> Effects:
-        """The sum of effects of one moment; an effect no element has is absent."""
+    def effects(self, combination: Combination, sizes: FloatArray) -> Effects:
+        """The sum of effects of one combination; an effect no element has is absent."""
         total = [
             float(sum(self.unknowns[i].sign * sizes[i] for i in indices)) if indices else None
-            for indices in moment.members
+            for indices in combination.members
         ]
         return Effects(stiffness=total[0], damping=total[1], mass=total[2])
 
@@ -142,7 +142,7 @@ class Problem:
 class DesignTask:
     """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
 
-    Loops and moments are built when first asked for and kept.
+    Loops and combinations are built when first asked for and kept.
 
     Attributes:
         region: that must be safe.
@@ -211,7 +211,7 @@ def pose(
 
     Args:
         task: device, scene, perception and region.
-        elements: names that share moments.
+        elements: names that share combinations.
         filters: cut-offs of the estimators.
         gone: labels "element.effect" that are left out.
         cut: elements whose force may be cut at its limit, so that no penetration is assumed.
@@ -239,8 +239,8 @@ def pose(
         for subset in task.subsets(name)
         if within >= {*subset} and not {*elements}.isdisjoint(subset)
     ]
-    moments = tuple(
-        _moment(task, subset, unknowns, cut)
+    combinations = tuple(
+        _combination(task, subset, unknowns, cut)
         for subset in sorted(subsets, key=lambda each: (len(each), each))
         if any(u.element in subset for u in unknowns)
     )
@@ -248,12 +248,12 @@ def pose(
     used = used_filters(filters, Effects(**wanted))
     limit, encoder = device.force_limit, device.encoder_resolution
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
-    forces = _force_rows(moments, len(unknowns), continuous, peak)
+    forces = _force_rows(combinations, len(unknowns), continuous, peak)
     ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
     leads = _lead_limits(task, margin, elements, unknowns)
     return Problem(
         unknowns=unknowns,
-        moments=moments,
+        combinations=combinations,
         margin=margin,
         loops=task.loops(used),
         limits=Limits(
@@ -269,12 +269,14 @@ def pose(
 
 
 def _force_rows(
-    moments: Sequence[Moment], unknowns: int, continuous: float | None, peak: float | None
+    combinations: Sequence[Combination], unknowns: int, continuous: float | None, peak: float | None
 ) -> Iterator[FloatArray]:
     """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration."""
-    for moment in moments:
-        costs = np.zeros((len(moment.members), unknowns))
-        for cost, members, reaches in zip(costs, moment.members, moment.reach, strict=True):
+    for combination in combinations:
+        costs = np.zeros((len(combination.members), unknowns))
+        for cost, members, reaches in zip(
+            costs, combination.members, combination.reach, strict=True
+        ):
             cost[list(members)] = [reach or 0.0 for reach in reaches]
         if continuous is not None:
             yield costs[0] / max(continuous, _NO_FORCE)
@@ -373,9 +375,9 @@ def _lead_limits(
             yield K, B, late, present + lead / scene.motion(name, motion).speed
 
 
-def _moment(
+def _combination(
     task: DesignTask, subset: tuple[str, ...], unknowns: tuple[Unknown, ...], cut: frozenset[str]
-) -> Moment:
+) -> Combination:
     scene = task.scene
     own = [scene.motion(u.element, task.device.motion, cut=u.element in cut) for u in unknowns]
     clamped = cut & scene.walls
@@ -383,7 +385,7 @@ def _moment(
         tuple(i for i, u in enumerate(unknowns) if u.element in subset and u.effect == effect)
         for effect in EFFECT_NAMES
     )
-    return Moment(
+    return Combination(
         elements=subset,
         members=(k, b, m),
         reach=(

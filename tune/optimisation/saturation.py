@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from identification import round_to_digits
 from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
-from tune.optimisation.problem import ROOM, Moment, Problem
+from tune.optimisation.problem import ROOM, Combination, Problem
 from tune.stability.nonlinear import (
     Nonlinearities,
     Responses,
@@ -266,35 +266,40 @@ _ALIKE, _DIGITS = 9, 6
 _FAINT, _KEPT, _FIRST_TAP = (0.3, 0.03, 1e-3, 0.0), 0.99, (0.03, 1e-3)
 
 
-#: Gains that were found, 0 for none, by the elements of moments that must be absolutely stable.
+#: Gains found, 0 for none, by the elements of combinations that must be absolutely stable.
 AllFound = Mapping[tuple[str, ...], AbsoluteStability]
 
 
-def prove_moments(problem: Problem, sizes: FloatArray, known: AllFound | None = None) -> AllFound:
-    """The proved gain of every moment that must be absolutely stable and is part of no other.
+def prove_combinations(
+    problem: Problem, sizes: FloatArray, known: AllFound | None = None
+) -> AllFound:
+    """The proved gain of every combination that must be absolutely stable and is part of no other.
 
     Sizes have shape (unknowns,), SI units; what is known is of others.
     """
     known = known or {}
-    moments = {each.elements: each for each in problem.moments if each.absolute}
+    combinations = {each.elements: each for each in problem.combinations if each.absolute}
     return {
-        names: _search_gain(problem, moments[names], sizes, known.get(names))
-        for names in largest_sets(moments)
+        names: _search_gain(problem, combinations[names], sizes, known.get(names))
+        for names in largest_sets(combinations)
     }
 
 
-def largest_sets(moments: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+def largest_sets(combinations: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
     """Those that are part of no other: what proves one proves its parts."""
-    sets = {frozenset(each): each for each in moments}
+    sets = {frozenset(each): each for each in combinations}
     return [names for each, names in sets.items() if not any(each < other for other in sets)]
 
 
 def _search_gain(
-    problem: Problem, moment: Moment, sizes: FloatArray, known: AbsoluteStability | None = None
+    problem: Problem,
+    combination: Combination,
+    sizes: FloatArray,
+    known: AbsoluteStability | None = None,
 ) -> AbsoluteStability:
-    """The gain up to which a moment is absolutely stable; known multipliers may do."""
+    """The gain up to which a combination is absolutely stable; known multipliers may do."""
     margin, box, least = problem.margin, problem.region.box, problem.proved_gain
-    parts, steady = _nonlinearities(problem, moment, sizes)
+    parts, steady = _nonlinearities(problem, combination, sizes)
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
     gains = [margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
     multipliers: dict[bool, Multiplier | None] = {}
@@ -367,14 +372,14 @@ def _thinned(channel: Channel, part: float, first: float) -> Channel:
 
 
 def _nonlinearities(
-    problem: Problem, moment: Moment, sizes: FloatArray
+    problem: Problem, combination: Combination, sizes: FloatArray
 ) -> tuple[Nonlinearities, tuple[Effects, ...]]:
     """(clamps and what is damping only, elements that fade at the gain of the margin)."""
     clamps: dict[tuple[float, float], tuple[tuple[str, ...], float]] = {}
     steady: list[Effects] = []
     damping = 0.0
-    values: dict[str, dict[EffectName, float]] = {name: {} for name in moment.elements}
-    for index in {index for members in moment.members for index in members}:
+    values: dict[str, dict[EffectName, float]] = {name: {} for name in combination.elements}
+    for index in {index for members in combination.members for index in members}:
         unknown = problem.unknowns[index]
         values[unknown.element][unknown.effect] = unknown.sign * float(sizes[index])
     for name, own in values.items():
@@ -396,7 +401,7 @@ def _nonlinearities(
 
 
 def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> AbsoluteStability:
-    """What is claimed of a moment: what was found, with its gain to three decimals downwards.
+    """What is claimed of a combination: what was found, with its gain to three decimals downwards.
 
     It is at least that of the margin; a part of what is beyond it, the slack, is not claimed.
     """

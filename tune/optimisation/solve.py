@@ -1,4 +1,4 @@
-"""Elements that share moments to their largest perceivable effects, rounded and allowed exactly."""
+"""Elements that meet to their largest perceivable effects, rounded and allowed exactly."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def solve(
 
 
 def _met(task: DesignTask, elements: Sequence[str]) -> set[str]:
-    """Elements that share some moment with some of these."""
+    """Elements that share some combination with some of these."""
     own = {*elements}
     every = (subset for name in task.scene.elements for subset in task.subsets(name))
     return {name for subset in every if not own.isdisjoint(subset) for name in subset}
@@ -164,7 +164,7 @@ def _solved(
         return nothing
     linear = sizes = round_sizes(problem, optimum.sizes)
     found: AllFound = {}
-    if second_opinion and any(moment.absolute for moment in problem.moments):
+    if second_opinion and any(combination.absolute for combination in problem.combinations):
         sizes, found, tightest = _stepped_back(problem, linear, tuned, dropped)
         gain = min(one.gain for one in found.values())
         if gain < problem.proved_gain:
@@ -195,25 +195,25 @@ def _stepped_back(
     tuned: Callable[[float], tuple[Problem, Optimum | None, dict[str, str]]],
     dropped: Mapping[str, str],
 ) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
-    """Sizes whose clamps are proved, by what, and the moment that linear sizes proved least.
+    """Sizes whose clamps are proved, by what, and the combination that linear sizes proved least.
 
     More room is left to linear limits until the proof holds, or as long as that helps, and where
     the last step was long, half of it is tried; no more may be dropped for it.
     """
-    from tune.optimisation.saturation import prove_moments
+    from tune.optimisation.saturation import prove_combinations
 
     def proved(room: float, known: AllFound) -> tuple[FloatArray, AllFound] | None:
         less, other, also = tuned(room)
         if other is None or other.sizes is None or also != dropped:
             return None
         sizes = round_sizes(less, other.sizes)
-        return sizes, prove_moments(problem, sizes, known)
+        return sizes, prove_combinations(problem, sizes, known)
 
     def short_of(found: AllFound) -> float:
         return problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
 
     sizes, above, short, room, failed, before = linear, linear, np.inf, 0.0, 0.0, np.inf
-    found = prove_moments(problem, sizes)
+    found = prove_combinations(problem, sizes)
     tightest = min(found, key=lambda elements: found[elements].gain)
     for _ in range(_MOST_ROOMS):
         short = short_of(found)
@@ -238,15 +238,17 @@ def _stepped_back(
     return sizes, found, tightest
 
 
-def _pair(scene: Scene, elements: Sequence[str], moment: tuple[str, ...]) -> tuple[str, str] | None:
-    """A wall and another element of a moment, one of them tuned before, that it may be told apart.
+def _pair(
+    scene: Scene, elements: Sequence[str], combination: tuple[str, ...]
+) -> tuple[str, str] | None:
+    """A wall and another element, one of them tuned before, that may be told apart.
 
     None where there is none that the scene does not ask for together and that is not apart.
     """
     pairs = [
         (wall, other)
-        for wall in moment
-        for other in moment
+        for wall in combination
+        for other in combination
         if wall in scene.walls
         and other not in scene.walls
         and (wall in elements) != (other in elements)

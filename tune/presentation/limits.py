@@ -260,12 +260,12 @@ def uses_of(design: Design, name: str) -> tuple[Use, ...]:
 
 
 def _late_gain(design: Design, name: str) -> float:
-    """Gain up to which every moment with an element is stable with the margin's extra delay."""
+    """Gain to which every combination with an element is stable with the margin's extra delay."""
     from tune.verification.law import effects_of
 
     corners = Boundaries.of(design).corners
-    moments = [effects_of(design, each) for each in design.moments() if name in each]
-    return float(min(np.min(safe_gain(each.loop, m)) for each in corners for m in moments))
+    combinations = [effects_of(design, each) for each in design.combinations() if name in each]
+    return float(min(np.min(safe_gain(each.loop, m)) for each in corners for m in combinations))
 
 
 def _margin_uses(design: Design, name: str) -> _Found:
@@ -303,7 +303,7 @@ def _in_motion(element: ElementProfile) -> float:
 
 
 def _force_uses(design: Design, name: str, unit: str) -> _Found:
-    """Forces of the element, and of the moment with it whose forces are the largest."""
+    """Forces of the element, and of the combination with it whose forces are the largest."""
     limit, element = design.device.force_limit, design.elements[name]
     for what, force_of, most in (
         ("sustained force", _sustained, limit.continuous if limit else 0.0),
@@ -314,7 +314,7 @@ def _force_uses(design: Design, name: str, unit: str) -> _Found:
             continue
         forces = {
             combination: sum(force_of(design.elements[each]) for each in combination)
-            for combination in design.moments()
+            for combination in design.combinations()
             if name in combination
         }
         worst, total = max(forces.items(), key=lambda item: (item[1], -len(item[0])))

@@ -266,7 +266,7 @@ def _record(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
     proved = (
         *certificate_lines(seal)[:-1],
         f"by: {seal.method}",
-        f"moments proved: {'; '.join(seal.interior)}",
+        f"combinations proved: {'; '.join(seal.interior)}",
         *(
             f"{names}: absolutely stable up to gain {each.gain:.4g} with "
             f"{each.extra_delay_samples:g} more sample(s): {', '.join(each.covers)}"

@@ -38,7 +38,7 @@ def combinations_of(profile: Design, element: str | None) -> tuple[Combination, 
     Raises:
         UsageError: no such element, or elements that are not felt together.
     """
-    every = profile.moments()
+    every = profile.combinations()
     summary = tuple(
         combination
         for combination in every

@@ -11,14 +11,14 @@ from tests.test_guard_play import random_device
 from tests.thinned import thinned
 from tune import Filters, NoFeasibleEffectError, SafeProfile, Scene, default_table, optimise
 from tune.optimisation.feasibility import feasible_points
-from tune.optimisation.problem import DesignTask, pose
+from tune.optimisation.problem import DesignTask, problem_of
 
 
 def stiffest(wanted: Scene, profile: SafeProfile) -> float:
     """The largest stiffness beside as much damping, by a grid that closes in, of linear limits."""
     task = DesignTask.of(profile.device, wanted, default_table())
     filters = Filters(velocity_filter_hz=profile.loop.velocity_filter_hz)
-    problem = pose(task, elements=["wall"], filters=filters, cut=frozenset({"wall"}))
+    problem = problem_of(task, elements=["wall"], filters=filters, cut=frozenset({"wall"}))
     wall = profile.elements["wall"]
     steepest = np.linspace(*problem.linear.leads[0][2:], 40)
     sizes: NDArray[np.float64] = np.geomspace(wall.stiffness / 2, 3 * wall.stiffness, 60)

@@ -56,7 +56,7 @@ from tune.margins import LoopMargins, margins_of
 from tune.optimisation import SLACK, design_of, witnesses_of
 from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
-from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of
 from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
 from tune.rendering import contact, count_jump
 from tune.stability.criterion import Passivity, passivity
@@ -195,7 +195,7 @@ def audit(
     )
     task = DesignTask.of(device, scene, default_table())
     cut = frozenset[str]() if like is None else may_saturate(task, [ELEMENT])
-    problem = pose(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
+    problem = problem_of(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
     sizes = np.array([abs(unknown.wish.high or 0.0) for unknown in problem.unknowns])
     (combination,) = problem.combinations
     gain = worst_gain(problem, combination, sizes, late=False)
@@ -326,10 +326,12 @@ def _as_judged(device: Device, samples: float) -> Device:
 def _nearest(task: DesignTask, filters: Filters, cut: frozenset[str]) -> Effects | None:
     """The safe values closest to those wanted on the perceptual scale; what none is, left out."""
     gone: frozenset[str] = frozenset()
-    problem = pose(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
+    problem = problem_of(task, elements=[ELEMENT], filters=filters, cut=cut, felt=False)
     while impossible := reasons_for_nothing(problem):
         gone |= impossible.keys()
-        problem = pose(task, elements=[ELEMENT], filters=filters, gone=gone, cut=cut, felt=False)
+        problem = problem_of(
+            task, elements=[ELEMENT], filters=filters, gone=gone, cut=cut, felt=False
+        )
     if not problem.unknowns:
         return None
     found = largest_product(problem, backends())

@@ -25,7 +25,7 @@ from tune.optimisation.feasibility import (
     stable_in_doubles,
 )
 from tune.optimisation.nash import SAME, Optimum, maximise, multipliers
-from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, pose
+from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, problem_of
 from tune.optimisation.solve import groups, optimum_of
 from tune.rendering import FASTEST
 
@@ -47,8 +47,7 @@ _NEXT_RANK = 0.1
 _RETREATS = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
 #: Hills this much lower than the highest are climbed too: between first choices as much may lie.
 _LESS = 0.25
-#: Kinds of acceleration filters that are this much worth less may yet be best with another velocity
-#: filter.
+#: Acceleration filters this much worse may yet be the best with another velocity filter.
 _FAMILY = 0.6
 #: So many starts are climbed from, the best, and so many of them with one kind of acceleration
 #: filter; those of the usual kind are in any case.
@@ -59,7 +58,7 @@ _SAME = 2e-3
 _GOOD_ENOUGH = 2e-3
 #: Step on the logarithmic scale of cut-offs over which a slope is taken.
 _STEP = 1e-4
-#: Two worths that differ by less, by rounding or by where a solver ends, are one.
+#: Two objectives that differ by less, by rounding or by where a solver ends, are one.
 _TIED = 1e-6
 #: Cut-offs that are looked at where no effect can have a step.
 _FINE = 24
@@ -116,7 +115,7 @@ class _Search:
         self.known: dict[tuple[tuple[str, ...], Filters], Tuned] = {}
         self.last: dict[tuple[str, ...], Tuned] = {}
         #: Whether all effects of each group are kept, by the filters that it uses.
-        self.whole: dict[tuple[tuple[str, ...], Filters], bool] = {}
+        self.keeps_all: dict[tuple[tuple[str, ...], Filters], bool] = {}
         #: Effects of each group that uses a filter, and how many of them over all its elements.
         self.wished: dict[tuple[str, ...], int] = {}
         self.asked: dict[tuple[str, ...], set[EffectName]] = {}
@@ -159,7 +158,7 @@ class _Search:
         """The first kind, and least filtering of it, that is worth nearly as much as the best."""
         most = max(self.tried.values())
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH * self.unit)
-        good = [filters for filters, worth in self.tried.items() if worth >= enough]
+        good = [filters for filters, objective in self.tried.items() if objective >= enough]
         return min(good, key=lambda each: (self.kinds.index(_kind_of(each)), _lag(each)))
 
     def _place(self, filters: Filters) -> list[float]:
@@ -193,7 +192,7 @@ class _Search:
         filters, most = self._filters(point), 0.0
         for elements in self.asked:
             cut, used = may_saturate(self.task, elements), self._of(elements, filters)
-            problem = pose(self.task, elements=elements, filters=used, cut=cut)
+            problem = problem_of(self.task, elements=elements, filters=used, cut=cut)
             for place, unknown in enumerate(problem.unknowns):
                 if unknown.effect == _USES[index]:
                     size = largest_allowed(problem, least_beside(problem), place)
@@ -211,16 +210,16 @@ class _Search:
         for kind in self.kinds:
             self.kind = kind
             for *before, last in [free, free[::-1]][: len(free)]:
-                found = self._best_whole(self._line(middle, before[0])) if before else middle
+                found = self._best_keeping_all(self._line(middle, before[0])) if before else middle
                 starts |= dict.fromkeys(self._hills(self._line(found, last)) if found else ())
-            if not starts and kind == self.kinds[0] and (whole := self._best_whole(pairs)):
-                starts[self._filters(whole)] = None
+            if not starts and kind == self.kinds[0] and (found := self._best_keeping_all(pairs)):
+                starts[self._filters(found)] = None
             if starts:
                 break
         else:
             # That all effects can be kept is not always soon told.
             self.kind = self.kinds[0]
-            return [self._filters(_most([(self._worth(each), each) for each in pairs]))]
+            return [self._filters(_most([(self._objective(each), each) for each in pairs]))]
         for index in reversed(free) if len(self.kinds) > 1 else ():
             ordered = sorted(starts, key=self.tried.__getitem__)
             enough = self.tried[ordered[-1]].value - _FAMILY
@@ -266,13 +265,13 @@ class _Search:
             return [*point[:index], place, *point[index + 1 :]]
 
         def value(point: list[float]) -> float:
-            worth = self._whole(point)
-            return -math.inf if worth is None else worth.value
+            objective = self._objective_of_all(point)
+            return -math.inf if objective is None else objective.value
 
-        # That not every effect is kept is soon told, so it is looked farther for where all are.
+        # That one is not kept is soon told, so it is looked farther for where all are.
         near = [beside(count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
-        kept = (each for each in near if self._whole(each))
-        found = next(kept, None) or self._best_whole(self._line(point, 1 - index))
+        kept = (each for each in near if self._objective_of_all(each))
+        found = next(kept, None) or self._best_keeping_all(self._line(point, 1 - index))
         if found is not None:
             point = found
             for way in (-step, step):
@@ -285,33 +284,33 @@ class _Search:
 
         Every effect is kept with them. No filter is beside no other.
         """
-        worths = [self._whole(each) for each in line]
-        values = [-math.inf if worth is None else worth.value for worth in worths]
+        objectives = [self._objective_of_all(each) for each in line]
+        values = [-math.inf if objective is None else objective.value for objective in objectives]
         before, after = [-math.inf, -math.inf, *values[1:]], [-math.inf, *values[2:], -math.inf]
         for point, value, *others in zip(line, values, before, after, strict=False):
             if math.isfinite(value) and value >= max(others):
                 yield self._filters(point)
 
-    def _best_whole(self, points: Sequence[list[float]]) -> list[float] | None:
+    def _best_keeping_all(self, points: Sequence[list[float]]) -> list[float] | None:
         """The point that is worth most of those that keep every effect; None where none does."""
-        whole = [(worth, each) for each in points if (worth := self._whole(each))]
-        return _most(whole) if whole else None
+        good = [(reached, each) for each in points if (reached := self._objective_of_all(each))]
+        return _most(good) if good else None
 
-    def _whole(self, point: Sequence[float]) -> CutoffObjective | None:
+    def _objective_of_all(self, point: Sequence[float]) -> CutoffObjective | None:
         """What all elements are worth; None where not all effects are kept, which is soon told."""
         filters = self._filters(point)
         for elements in self.asked:
             used = self._of(elements, filters)
-            if (elements, used) not in self.whole:
+            if (elements, used) not in self.keeps_all:
                 self._say(filters)
                 last, wished = self.last.get(elements), self.wished[elements]
                 found = tune_with_filters(self.task, elements, used, last, choosing=False)
-                self.whole[elements, used] = sum(found.worth.kept) == wished
-                if self.whole[elements, used]:
+                self.keeps_all[elements, used] = sum(found.objective.kept) == wished
+                if self.keeps_all[elements, used]:
                     self.known[elements, used] = self.last[elements] = found
-            if not self.whole[elements, used]:
+            if not self.keeps_all[elements, used]:
                 return None
-        return self._worth(point)
+        return self._objective(point)
 
     def _say(self, filters: Filters) -> None:
         velocity, acceleration = (filter_of(filters, which) for which in DERIVATIVES)
@@ -319,29 +318,29 @@ class _Search:
 
     def _refined(self, point: list[float], free: Sequence[int]) -> None:
         """Try points from one on to one that is worth more than all around it."""
-        kept = self._worth(point).kept
+        kept = self._objective(point).kept
         every = sum(kept) == sum(self.wished.values())
         # Beyond the highest cut-off there is no filter, and nothing has a slope.
         free = [i for i in free if self.axes[i].hertz(point[i]) is not None]
         if not free:
             return
 
-        def whole(places: Sequence[float]) -> list[float]:
+        def on_axes(places: Sequence[float]) -> list[float]:
             chosen = dict(zip(free, places, strict=True))
             return [chosen.get(index, place) for index, place in enumerate(point)]
 
         def value(places: Sequence[float]) -> float:
             # That not all are kept is soon told; which of them is not asked where all can be.
-            worth = self._whole(whole(places)) if every else self._worth(whole(places))
-            return worth.value if worth and worth.kept >= kept else -math.inf
+            reached = (self._objective_of_all if every else self._objective)(on_axes(places))
+            return reached.value if reached and reached.kept >= kept else -math.inf
 
         def slopes(places: Sequence[float]) -> list[float]:
-            return [self._slope(whole(places), index) for index in free]
+            return [self._slope(on_axes(places), index) for index in free]
 
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
-        known = max(worth.value for worth in self.tried.values() if worth.kept >= kept)
+        known = max(objective.value for objective in self.tried.values() if objective.kept >= kept)
         gain = _SAME * self.unit
         found = maximise(value, slopes, start, ends, radius=radius, gain=gain, known=known)
         # Where a cut-off ends at the highest, none at all may be worth more.
@@ -362,13 +361,13 @@ class _Search:
                 total += _slope_of(self.task, self._tuned(elements, filters), moved)
         return total / step
 
-    def _worth(self, point: Sequence[float]) -> CutoffObjective:
+    def _objective(self, point: Sequence[float]) -> CutoffObjective:
         filters = self._filters(point)
         if filters not in self.tried:
             self._say(filters)
             total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
             for elements in self.asked:
-                total = total.plus(self._tuned(elements, self._of(elements, filters)).worth)
+                total = total.plus(self._tuned(elements, self._of(elements, filters)).objective)
             self.tried[filters] = total
         return self.tried[filters]
 
@@ -392,9 +391,9 @@ class _Search:
 
 def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
     """The first of the points that are worth most; they tie where a cut-off changes nothing."""
-    most = max(worth for worth, _ in found)
+    most = max(objective for objective, _ in found)
     enough = CutoffObjective(kept=most.kept, value=most.value - _TIED)
-    return next(point for worth, point in found if worth >= enough)
+    return next(point for objective, point in found if objective >= enough)
 
 
 def _kind_of(filters: Filters) -> Filters:
@@ -464,7 +463,7 @@ class CutoffObjective(NamedTuple):
 class Tuned:
     """A group tuned with certain filters: the problem of what is kept, its optimum if any."""
 
-    worth: CutoffObjective
+    objective: CutoffObjective
     problem: Problem
     optimum: Optimum | None
 
@@ -499,20 +498,21 @@ def tune_with_filters(
         points = points[passes_cheap_limits(problem, points)]
         return [*points[stable_in_doubles(problem, points)][:1]], before.optimum.scenarios
 
+    cut = may_saturate(task, elements)
     try:
         problem, optimum, dropped = optimum_of(
             task,
             elements,
             filters,
-            cut=may_saturate(task, elements),
+            cut=cut,
             second_opinion=False,
             known=known,
             choosing=choosing,
         )
     except NoFeasibleEffectError:
-        problem = pose(task, elements=elements, filters=filters, cut=may_saturate(task, elements))
+        problem = problem_of(task, elements=elements, filters=filters, cut=cut)
         kept = (-len(problem.unknowns),) * len(ranks_of(task))
-        return Tuned(worth=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
+        return Tuned(objective=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
     sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
     levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
     # A range that is missed costs more than all else that could be kept instead.
@@ -525,8 +525,8 @@ def tune_with_filters(
     )
     most = sum(map(len, wishes.values()))
     kept = tuple(levels.count(rank) - missed * most for rank in ranks_of(task))
-    worth = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
-    return Tuned(worth=worth, problem=problem, optimum=optimum)
+    objective = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
+    return Tuned(objective=objective, problem=problem, optimum=optimum)
 
 
 def ranks_of(task: DesignTask) -> tuple[int, ...]:
@@ -544,13 +544,13 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     wished = ((name, effect) for name in elements for effect in task.scene.elements[name].wishes())
     gone = frozenset(f"{name}.{effect}" for name, effect in wished)
     gone -= {unknown.label for unknown in problem.unknowns}
-    beside = pose(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
+    beside = problem_of(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
     sizes = optimum.sizes
     # Of one effect beside wanted values that are met, the largest is known without a program.
     open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
     if open_ends.size <= 1:
-        return max(_value_alone(task, beside, sizes, open_ends) - found.worth.value, -1.0)
-    change = _value(task, beside, sizes) - found.worth.value
+        return max(_value_alone(task, beside, sizes, open_ends) - found.objective.value, -1.0)
+    change = _value(task, beside, sizes) - found.objective.value
     if optimum.summit is not None and sizes.size == 2 and problem.unknowns[0].yields:
         # A wall: its spring is so many steps below its largest, beside which its damper is.
         spring, summit = problem.unknowns[0], optimum.summit
@@ -563,14 +563,14 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
                 moved_sizes = np.array([float(least), sizes[1]])
                 value = _value_alone(task, beside, moved_sizes, np.array([1]))
                 if np.isfinite(value):
-                    return value - found.worth.value
+                    return value - found.objective.value
     shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
     slack = _slack_change(problem, beside, np.array(_weights(task, problem)), sizes, shown)
     if slack is not None:
         return change + slack
     # Where one rank came before the next no sum of both is at its largest.
-    again = tune_with_filters(task, elements, moved, found).worth
-    return again.value - found.worth.value if again.kept == found.worth.kept else change
+    again = tune_with_filters(task, elements, moved, found).objective
+    return again.value - found.objective.value if again.kept == found.objective.kept else change
 
 
 def _slack_change(

@@ -196,7 +196,7 @@ class DesignTask:
         return self._subsets[element]
 
 
-def pose(
+def problem_of(
     task: DesignTask,
     *,
     elements: Sequence[str],

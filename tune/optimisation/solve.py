@@ -33,7 +33,7 @@ from tune.optimisation.nash import (
     feasible_subsets,
     largest_product,
 )
-from tune.optimisation.problem import DesignTask, Problem, may_saturate, pose
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of
 
 if TYPE_CHECKING:
     from tune.optimisation.saturation import AllFound
@@ -273,8 +273,8 @@ def optimum_of(
 ) -> tuple[Problem, Optimum | None, dict[str, str]]:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
-    Beside the choices of `pose`, ``known`` gives sizes of all effects of a problem to begin with,
-    allowed as far as doubles tell, where there are some, and corners that bound them. What is
+    Beside the choices of `problem_of`, ``known`` gives sizes of all effects of a problem to begin
+    with, allowed as far as doubles tell, where there are some, and corners that bound them. What is
     ``gone`` is left out, with the reason. Where effects that are possible alone are not so
     together, it is chosen which are kept; without ``choosing`` the optimum has no sizes there.
 
@@ -282,18 +282,18 @@ def optimum_of(
         NoFeasibleEffectError: a range cannot be met.
     """
 
-    def posed(gone: frozenset[str]) -> Problem:
+    def problem_without(gone: frozenset[str]) -> Problem:
         # Without its stiffness the damper of a wall would act everywhere.
         gone |= {f"{e}.damping" for e in task.scene.walls if f"{e}.stiffness" in gone}
-        return pose(
+        return problem_of(
             task, elements=elements, filters=filters, gone=gone, cut=cut, settled=settled, room=room
         )
 
     solvers, dropped = backends(second_opinion=second_opinion), dict(gone or {})
-    problem = posed(frozenset(dropped))
+    problem = problem_without(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
         dropped |= _keep_promises(problem, impossible)
-        problem = posed(frozenset(dropped))
+        problem = problem_without(frozenset(dropped))
     asked = [f"{e}.{effect}" for e in elements for effect in task.scene.elements[e].wishes()]
     own = {unknown.label for unknown in problem.unknowns if not unknown.settled}
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
@@ -307,7 +307,7 @@ def optimum_of(
     starts: dict[frozenset[str], FloatArray | None] = {}
 
     def feasible(labels: frozenset[str]) -> bool:
-        trial = posed(before | (every - labels))
+        trial = problem_without(before | (every - labels))
         whole = labels <= {unknown.label for unknown in trial.unknowns}
         starts[labels] = feasible_sizes(trial) if labels and whole else None
         return not labels or starts[labels] is not None
@@ -328,7 +328,7 @@ def optimum_of(
         )
     optima: list[tuple[Problem, Optimum | None]] = []
     for labels in sets:
-        start, each = starts.get(labels), posed(before | (every - labels))
+        start, each = starts.get(labels), problem_without(before | (every - labels))
         optima.append((each, None if start is None else largest_product(each, solvers, [start])))
     chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
     beside: dict[str, float] = {}
@@ -336,7 +336,9 @@ def optimum_of(
         names = (unknown.label for unknown in chosen.unknowns)
         beside = dict(zip(names, optimum.sizes.tolist(), strict=True))
     for label in [u.label for u in problem.unknowns if u.label in own and u.label not in beside]:
-        dropped[label] = _missed(posed(before | (every - beside.keys() - {label})), label, beside)
+        dropped[label] = _shortfall(
+            problem_without(before | (every - beside.keys() - {label})), label, beside
+        )
     return chosen, optimum, dropped
 
 
@@ -352,7 +354,7 @@ def _products(problem: Problem, sizes: FloatArray | None) -> list[float]:
     ]
 
 
-def _missed(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
+def _shortfall(problem: Problem, label: str, beside: Mapping[str, float]) -> str:
     """By how much one step of an effect is missed, by itself or else beside what is kept."""
     places = [i for i, u in enumerate(problem.unknowns) if u.label == label]
     if not places:

@@ -157,7 +157,7 @@ def _graph(structure: _Structure) -> _Graph:
     def matrix(rows: int, columns: int) -> Any:
         symbols = ca.SX.sym("p", columns, rows)
         taken.append(ca.vec(symbols))
-        return symbols.T
+        return ca.transpose(symbols)
 
     def take(*shape: int) -> Any:
         symbols = ca.SX.sym("p", int(np.prod(shape)))

@@ -112,6 +112,13 @@ def test_a_range_that_cannot_be_met_leaves_the_other_elements_tuned() -> None:
     assert note.startswith("rock.stiffness dropped: its range starts at 1e+06, ")
 
 
+def test_of_what_cannot_be_kept_together_only_what_is_left_out_is_told() -> None:
+    profile = _tuned({"load": {"stiffness": "max", "mass": "max"}}, loop=FILTERS)
+    assert profile.elements["load"].acting == {"stiffness"}
+    (note,) = profile.notes
+    assert note.startswith("load.mass dropped: ")
+
+
 def test_an_element_that_misses_a_range_is_left_out_as_a_whole() -> None:
     rock = {"stiffness": {"min": 1000.0, "max": 2000.0}, "mass": {"min": 90.0, "max": 99.0}}
     profile = _tuned({"water": {"damping": 10.0}, "rock": rock}, loop=FILTERS)

@@ -22,6 +22,7 @@ from tune.certificate.claims import (
     damping_for_passivity,
     excess_over_request,
     force_failures,
+    impedances,
     meets_wall,
     ripple_of,
     whole_delay,
@@ -434,7 +435,9 @@ def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
     word = element.limited_by[effect]
     if word == "rendering":
         setting = setting_of(design, (name,))
-        return setting is not None and bool(excess_over_request(design, name, setting))
+        return setting is not None and bool(
+            excess_over_request(design, name, impedances(design, setting))
+        )
     if word == "lead":
         least, most = lead_of(design, name)
         return element.one_sided and (least < 0 or most > (element.lead or 0.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from flint import arb_poly
@@ -220,7 +220,7 @@ def whole_delay(region: Region, close: float = _WHOLE) -> int | None:
 def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]:
     """What an element claims to make felt and how many steps, against the same computed anew."""
     element = design.elements[name]
-    impedance = _impedances(design, setting)
+    impedance = impedances(design, setting)
     return [
         f"{name}: {claim} says {said:.4g}, computed anew it is {seen:.4g}"
         for claim, said, seen, size in (
@@ -228,15 +228,15 @@ def rendering_failures(design: Design, name: str, setting: Setting) -> list[str]
             *_steps(design, element, impedance),
         )
         if not abs(seen - said) <= _AGREE * size
-    ] + excess_over_request(design, name, setting)
+    ] + excess_over_request(design, name, impedance)
 
 
-def excess_over_request(design: Design, name: str, setting: Setting) -> list[str]:
+def excess_over_request(design: Design, name: str, impedance: dict[str, ComplexArray]) -> list[str]:
     """Mass and damping felt as something else than what is asked for; a wall asks for nothing."""
     element, table = design.elements[name], design.perception
     if table is None or element.one_sided:
         return []
-    felt, hertz = _felt(_impedances(design, setting)), _turns() / (2 * np.pi)
+    felt, hertz = _felt(impedance), _turns() / (2 * np.pi)
     failures: list[str] = []
     asked = {"mass": element.mass, "damping": element.damping}
     slow = hertz <= _FASTEST
@@ -273,13 +273,14 @@ def excess_over_request(design: Design, name: str, setting: Setting) -> list[str
     return failures
 
 
-def _impedances(design: Design, setting: Setting) -> dict[str, ComplexArray]:
+def impedances(design: Design, setting: Setting) -> dict[str, ComplexArray]:
     """That of each effect alone."""
     nothing = dict.fromkeys(EFFECT_NAMES, 0.0)
     alone = {name: {**nothing, name: getattr(setting, name)} for name in EFFECT_NAMES}
     return {name: _impedance(design, replace(setting, **each)) for name, each in alone.items()}
 
 
+@cache
 def _turns() -> FloatArray:
     """Angular frequencies of the motions, and beyond, rad/s."""
     motions = np.geomspace(_SLOWEST, _FASTEST, _POINTS)

@@ -126,6 +126,9 @@ def _walk(node: ast.AST) -> Iterator[ast.AST]:
         if name in {"annotation", "returns", "decorator_list"}:
             continue
         for each in value if isinstance(value, list) else [value]:
+            # What zip is told to be strict about never happens.
+            if isinstance(each, ast.keyword) and each.arg == "strict":
+                continue
             if isinstance(each, ast.AST):
                 yield from _walk(each)
 

@@ -53,3 +53,13 @@ def test_elements_are_certified_as_each_by_itself(seed: int) -> None:
     words = said(design(elements, device=DEVICE, loop=FILTERS))
     assert bool(words) == any(alone.values())
     assert all(alone[line.partition(":")[0]] for line in words.splitlines())
+
+
+def test_more_elements_than_are_looked_at_in_one_run_may_all_be_covered_by_one() -> None:
+    most = late_limit([FILTERED], DAMPER)
+    elements = {
+        f"e{number}": element(0.0, (0.1 + number * 0.01) * most, 0.0) for number in range(70)
+    }
+    assert not said(design(elements, device=DEVICE, loop=FILTERS))
+    elements["e69"] = element(0.0, 1.005 * most, 0.0)
+    assert "e69" in said(design(elements, device=DEVICE, loop=FILTERS))

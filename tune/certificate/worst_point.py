@@ -235,6 +235,8 @@ def worst_points_of_all(
             for which, number in enumerate(numbers)
             for claim in asked[number][1]
         ]
+        if not boxes:  # claims of another group cover all of these
+            continue
         for box, candidates in _climbed(region, settings, boxes, starts, thorough):
             worst = _worst(region, settings[box.which], box, candidates)
             found[numbers[box.which]].append(worst)

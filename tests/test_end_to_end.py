@@ -62,12 +62,13 @@ EVERYTHING = _scene(
     },
     ["wall", "cup"],
 )
-#: One kind of effect each, so that a study of many devices costs one proof a device.
+#: One element each, so that a study of many devices costs one proof a device. A mass alone would be
+#: felt as damping on most of them.
 ONE_BY_ONE = (
     _scene({"wall": {"stiffness": "max", "damping": "max"}}),
     _scene({"rubber": {"stiffness": "max"}}),
-    _scene({"cup": {"mass": "max"}}),
-    _scene({"light": {"mass": "min"}}),
+    _scene({"cup": {"mass": "max", "damping": "max"}}),
+    _scene({"light": {"mass": "min", "damping": "max"}}),
     _scene({"ball": {"stiffness": "max", "damping": "max", "mass": "max"}}),
 )
 

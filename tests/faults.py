@@ -147,8 +147,8 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k 'one_signal or another_wall'",
         (
             "the outermost of some clamps",
-            "reach = (K * witness.gain, combination)",
-            "reach = (-K * witness.gain, combination)",
+            "reach = (K * witness.gain, names)",
+            "reach = (-K * witness.gain, names)",
         ),
         ("clamps of a multiplier", "[channel.name for channel in channels] == [name]", "True"),
     ),

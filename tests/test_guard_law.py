@@ -346,9 +346,7 @@ def test_the_sets_that_give_force_are_the_combinations(player: Player) -> None:
     """Each set of elements, walls of it on one side; and as if on two, where both halves are."""
     profile = scene()
     names = list(profile.elements)
-    combinations = {frozenset(combination) for combination in profile.combinations()} | {
-        frozenset[str]()
-    }
+    combinations = {frozenset(each) for each in profile.combinations()} | {frozenset[str]()}
     walls = names[:3]
     for sides in product((1, -1), repeat=3):
         for mask in range(1 << len(names)):

@@ -246,24 +246,17 @@ def outermost_of(
     """
     best: dict[str, tuple[float, _Combination]] = {}
     keys: dict[_Combination, str] = {}
-    for combination in combinations:
-        witness, first = witnesses.get(" + ".join(combination)), design.elements[combination[0]]
+    for names in combinations:
+        witness, first = witnesses.get(" + ".join(names)), design.elements[names[0]]
         stated = (witness.free, witness.held) if witness else ()
         channels = [each and each.channels for each in stated]
-        if (
-            len(combination) == 1
-            and witness
-            and all(_is_of(combination[0], each) for each in channels)
-        ):
+        if len(names) == 1 and witness and all(_is_of(names[0], each) for each in channels):
             K = first.stiffness
             taps = [each and (each[0].constant, each[0].taps) for each in channels]
-            keys[combination] = repr((first.damping / K, first.mass / K, taps))
-            reach = (K * witness.gain, combination)
-            best[keys[combination]] = max(best.get(keys[combination], reach), reach)
-    return {
-        combination: best[keys[combination]][1] if combination in keys else combination
-        for combination in combinations
-    }
+            keys[names] = repr((first.damping / K, first.mass / K, taps))
+            reach = (K * witness.gain, names)
+            best[keys[names]] = max(best.get(keys[names], reach), reach)
+    return {names: best[keys[names]][1] if names in keys else names for names in combinations}
 
 
 def _is_of(name: str, channels: Sequence[Channel] | None) -> bool:

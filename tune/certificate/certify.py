@@ -350,8 +350,7 @@ def _judge_combinations(
         for (_, setting), claims in zip(played, named, strict=True)
     ]
     judged = [
-        _CombinationInRegion(combination=combination, where=region.words(combination))
-        for combination, _ in played
+        _CombinationInRegion(combination=names, where=region.words(names)) for names, _ in played
     ]
     searched = worst_points_of_all(region, asked)
     for outcome, claims, found in zip(judged, named, searched, strict=True):

@@ -39,8 +39,8 @@ from tune.documents.scene import (
     Margin,
     MarginName,
     Motion,
-    combinations_of,
     refuse_strange_groups,
+    subsets_of,
 )
 
 #: Taps of a multiplier; tuning tries no more than twenty, and a proof takes time for each.
@@ -499,7 +499,7 @@ class Design(Document):
 
     def combinations(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
-        return combinations_of(self.elements, self.together, self.walls, self.apart)
+        return subsets_of(self.elements, self.together, self.walls, self.apart)
 
 
 class SafeProfile(Design, Tabular):

@@ -106,7 +106,7 @@ MOST_SUMS = 1013
 MOST_ELEMENTS = 200
 
 
-def combinations_of(
+def subsets_of(
     elements: Iterable[str],
     together: Iterable[Sequence[str]],
     walls: Collection[str] = (),
@@ -177,7 +177,7 @@ def refuse_strange_groups(
             f"there are {len(known)} elements, more than {MOST_ELEMENTS}; split them into scenes "
             "of their own"
         )
-    sums = len(combinations_of(known, sets, walls, pairs)) - len(known)
+    sums = len(subsets_of(known, sets, walls, pairs)) - len(known)
     if sums > MOST_SUMS:
         raise ValueError(
             f"{sums} sums of elements are to be certified, more than {MOST_SUMS}; name fewer or "
@@ -574,7 +574,7 @@ class Scene(Document):
 
     def subsets(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at one moment, singles first."""
-        return combinations_of(self.elements, self.together, self.walls, self.apart)
+        return subsets_of(self.elements, self.together, self.walls, self.apart)
 
     def lead(self, element: str, kind: Literal["linear", "rotary"]) -> float | None:
         """How far before its face the damper of a wall may push, m (rad); None of others."""

@@ -95,7 +95,7 @@ def _largest(profile: SafeProfile, effect: EffectName) -> float:
     sizes: dict[str, float] = {
         name: getattr(element, effect) for name, element in profile.elements.items()
     }
-    return max(0.0, *(sum(sizes[name] for name in moment) for moment in profile.combinations()))
+    return max(0.0, *(sum(sizes[name] for name in names) for names in profile.combinations()))
 
 
 def _filled(name: str, values: Mapping[str, str]) -> str:
@@ -134,7 +134,7 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
     loop, seal = profile.loop, profile.certificate
     words = _macros(profile)
     places = {name: index for index, name in enumerate(profile.elements)}
-    sets = sorted({_bits(moment, places) for moment in profile.combinations()})
+    sets = sorted({_bits(names, places) for names in profile.combinations()})
     return {
         **_tags(profile),
         "heading": block_comment(heading(profile)),
@@ -341,7 +341,7 @@ def _plain_files(profile: SafeProfile) -> dict[str, str]:
         "acceleration": _filter(profile.loop, "acceleration"),
         "force_limit": {"continuous": limit.continuous, "peak": limit.peak},
         "elements": {name: _element(each) for name, each in profile.elements.items()},
-        "moments": [list(moment) for moment in profile.combinations()],
+        "moments": [list(names) for names in profile.combinations()],
         "apart": [list(pair) for pair in profile.apart],
         "taps": seal.longest_tap,
         "largest_change": largest_change(profile),

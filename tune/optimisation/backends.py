@@ -160,9 +160,8 @@ def _graph(structure: _Structure) -> _Graph:
         return ca.transpose(symbols)
 
     def take(*shape: int) -> Any:
-        symbols = ca.SX.sym("p", int(np.prod(shape)))
-        taken.append(symbols)
-        return np.array(symbols.elements(), dtype=object).reshape(shape)
+        column = matrix(int(np.prod(shape)), 1)
+        return np.array(column.elements(), dtype=object).reshape(shape)
 
     sizes, signs = ca.exp(y), ca.DM(structure.signs)
     scales, used, room = matrix(count, 3), *(matrix(structure.linear, count) for _ in range(2))

@@ -272,11 +272,9 @@ def _force_rows(
     combinations: Sequence[Combination], unknowns: int, continuous: float | None, peak: float | None
 ) -> Iterator[FloatArray]:
     """Sustained force K·penetration and peak force K·penetration + |B|·speed + |M|·acceleration."""
-    for combination in combinations:
-        costs = np.zeros((len(combination.members), unknowns))
-        for cost, members, reaches in zip(
-            costs, combination.members, combination.reach, strict=True
-        ):
+    for each in combinations:
+        costs = np.zeros((len(each.members), unknowns))
+        for cost, members, reaches in zip(costs, each.members, each.reach, strict=True):
             cost[list(members)] = [reach or 0.0 for reach in reaches]
         if continuous is not None:
             yield costs[0] / max(continuous, _NO_FORCE)

@@ -379,6 +379,7 @@ def _badness(verdict: Verdict) -> tuple[bool, float]:
     return verdict.answer != "stable", verdict.radius
 
 
+@lru_cache(maxsize=16)
 def _starts(count: int, thorough: int) -> FloatArray:
     """Corners, points on edges and faces, points inside; parts of each side, one a column."""
     chance = np.random.default_rng(_SEED)
@@ -389,4 +390,6 @@ def _starts(count: int, thorough: int) -> FloatArray:
     inside = chance.random((count, _CHANCE_POINTS * thorough))
     # Half of the chance points on edges and faces: there limits bind.
     inside[:, ::2] = np.clip(np.round(3 * inside[:, ::2] - 1, 1), 0, 1)
-    return np.hstack([corners, inside])
+    starts = np.hstack([corners, inside])
+    starts.setflags(write=False)
+    return starts

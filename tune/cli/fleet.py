@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
-from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -19,10 +18,10 @@ from identification import IdentificationError, InvalidInputError, NotWrittenErr
 from tune.cli import session as opt
 from tune.cli.session import Session, command
 from tune.documents import Exit, TuneError
-from tune.documents.manifest import FleetEntry, load_manifest
 
 if TYPE_CHECKING:
     from identification import Device, LogColumns, Method
+    from tune.documents.manifest import FleetEntry
     from tune.documents.profile import SafeProfile
     from tune.documents.scene import MarginName
 
@@ -174,6 +173,8 @@ def _known(
     session: Session, output: Path, jobs: list[_Job]
 ) -> tuple[list[dict[str, Any] | None], list[str]]:
     """The row of each device that is done and unchanged, and the digests of what all come from."""
+    from importlib.metadata import version
+
     digests = _Digests([version(each) for each in ("haptune", "numpy", "python-flint")])
     rows, sealed = list[dict[str, Any] | None](), list[str]()
     with session.progress() as say:
@@ -211,6 +212,8 @@ def _conclude(session: Session, title: str, output: Path, rows: list[dict[str, A
 
 def _jobs(manifest: Path, common: dict[str, Any]) -> Iterator[_Job]:
     """What is to be done; files that the manifest names lie beside it. Raises UsageError."""
+    from tune.documents.manifest import load_manifest
+
     for entry in load_manifest(manifest).devices:
         own: dict[str, Any] = {
             each: manifest.parent / name

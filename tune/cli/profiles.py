@@ -270,10 +270,12 @@ def _write_profile(
     """Write a profile, say which effects it changes, and what to do next."""
     from tune.presentation.tables import changed_effects
 
-    changes = ""
-    with suppress(IdentificationError):
-        changes = changed_effects(ident.load_mapping(output) if output.is_file() else {}, profile)
-    session.write(output, profile.to_yaml(), dry_run=dry_run, changes=changes)
+    text, changes = profile.to_yaml(), ""
+    with suppress(IdentificationError, OSError):
+        if not (output.is_file() and output.read_bytes() == text.encode()):
+            before = ident.load_mapping(output) if output.is_file() else {}
+            changes = changed_effects(before, profile)
+    session.write(output, text, dry_run=dry_run, changes=changes)
     if not dry_run:
         session.say(
             f"next: haptune report {output} (a page to sign), haptune export {output} --to c"

@@ -1,4 +1,4 @@
-"""Identification of a haptic axis: mass and damping from a logged trajectory.
+"""Identification of a haptic device: mass and damping from a logged trajectory.
 
 The public names load on first use, so that reading a device file does not import an estimator.
 """
@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from identification._identify import Examination, Identification, examine, identify
     from identification.device.device import (
         ByDirection,
-        Covariance,
         Device,
         Gravity,
         LogRecord,
@@ -22,7 +21,15 @@ if TYPE_CHECKING:
         named_devices,
     )
     from identification.device.hardware import Fact, ForceLimit, Hardware, Mode
-    from identification.device.quantities import AnyQuantity, Box, Quantity, Tabular, quantity
+    from identification.device.pose import Pose
+    from identification.device.quantities import (
+        AnyQuantity,
+        Box,
+        Covariance,
+        Quantity,
+        Tabular,
+        quantity,
+    )
     from identification.documents import (
         Document,
         Replaced,
@@ -64,7 +71,8 @@ if TYPE_CHECKING:
     from identification.planning import Excitation, force_text, plan_excitation
     from identification.planning.limits import ExcitationSpec, load_excitation
     from identification.plant import Plant
-    from identification.readers import LOG_ENDINGS, LogColumns, load_trajectory
+    from identification.readers import LOG_ENDINGS, LogColumns, load_log, load_trajectory
+    from identification.trajectories import Trajectories
     from identification.trajectory import Motion, Trajectory
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
@@ -72,11 +80,11 @@ if TYPE_CHECKING:
 _HOMES = {
     "_identify": "Examination Identification examine identify",
     "device.device": (
-        "ByDirection Covariance Device Gravity LogRecord SlopeRange UnmodelledForce load_device "
-        "named_devices"
+        "ByDirection Device Gravity LogRecord SlopeRange UnmodelledForce load_device named_devices"
     ),
     "device.hardware": "Fact ForceLimit Hardware Mode",
-    "device.quantities": "AnyQuantity Box Quantity Tabular quantity",
+    "device.pose": "Pose",
+    "device.quantities": "AnyQuantity Box Covariance Quantity Tabular quantity",
     "documents": (
         "Document Replaced as_stored difference_of load_document load_mapping parse_document "
         "round_to_digits to_mapping to_yaml write_bytes write_files write_text"
@@ -94,7 +102,8 @@ _HOMES = {
     "planning": "Excitation force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
     "plant": "Plant",
-    "readers": "LOG_ENDINGS LogColumns load_trajectory",
+    "readers": "LOG_ENDINGS LogColumns load_log load_trajectory",
+    "trajectories": "Trajectories",
     "trajectory": "Motion Trajectory",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
@@ -103,6 +112,7 @@ __all__ = ["Examination", "Identification", "examine", "identify"]
 __all__ += ["ByDirection", "Covariance", "Device", "Gravity", "LogRecord", "SlopeRange"]
 __all__ += ["UnmodelledForce", "load_device", "named_devices"]
 __all__ += ["Fact", "ForceLimit", "Hardware", "Mode"]
+__all__ += ["Pose"]
 __all__ += ["AnyQuantity", "Box", "Quantity", "Tabular", "quantity"]
 __all__ += ["Document", "Replaced", "as_stored", "difference_of", "load_document", "load_mapping"]
 __all__ += ["parse_document", "round_to_digits", "to_mapping", "to_yaml", "write_bytes"]
@@ -117,8 +127,8 @@ __all__ += ["identified_picture", "legend_above", "log_picture"]
 __all__ += ["Excitation", "force_text", "plan_excitation"]
 __all__ += ["ExcitationSpec", "load_excitation"]
 __all__ += ["Plant"]
-__all__ += ["LOG_ENDINGS", "LogColumns", "load_trajectory"]
-__all__ += ["Motion", "Trajectory"]
+__all__ += ["LOG_ENDINGS", "LogColumns", "load_log", "load_trajectory"]
+__all__ += ["Motion", "Trajectories", "Trajectory"]
 
 
 def __getattr__(name: str) -> Any:

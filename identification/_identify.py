@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -30,6 +30,7 @@ from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.findings.lost_rows import Restored, restored
 from identification.fitting import LogFit, fit_log
+from identification.trajectories import Trajectories
 from identification.trajectory import (
     NORMAL_95,
     Motion,
@@ -100,17 +101,18 @@ class Identification(Tabular):
 
 
 def identify(
-    trajectory: Trajectory | Sequence[Trajectory],
+    trajectory: Trajectory | Trajectories | Sequence[Trajectory | Trajectories],
     *,
     hardware: Hardware | None = None,
     method: Method = "auto",
     allow: Collection[str] = (),
 ) -> Identification:
-    """Identify one axis from one log or several.
+    """Identify one axis from one log or several, or a device of several axes driven together.
 
     Args:
         trajectory: a log, or several of one axis; several give the envelope. A log of which nobody
-            said whether it is linear or rotary has the motion of the hardware.
+            said whether it is linear or rotary has the motion of the hardware. Logs of several
+            axes are one of each pose.
         hardware: what is known of the device. A delay it states is honoured, 0 included. What it
             does not state is ``missing`` in the device, which holds what the logs suggest of it
             with ``source: log``; only a delay that they tell within a sample counts as known.
@@ -123,15 +125,23 @@ def identify(
         InvalidInputError: hardware and log contradict each other.
         LogRefusedError: mass and damping cannot honestly be told; carries every finding.
     """
-    trajectories = (trajectory,) if isinstance(trajectory, Trajectory) else tuple(trajectory)
-    _check_request(trajectories, hardware, method, allow)
+    given = (trajectory,) if isinstance(trajectory, Trajectory | Trajectories) else trajectory
+    several = tuple(each for each in given if isinstance(each, Trajectories))
+    trajectories = tuple(each for each in given if isinstance(each, Trajectory))
+    if several and trajectories:
+        raise UsageError("logs", "are of one axis and of several", "Give one kind at a time")
+    _check_request(trajectories or several, hardware, method, allow)
+    if several:
+        from identification._several_axes import identify_axes
+
+        return identify_axes(several, hardware, method, allow)
     trajectories = tuple(_moving(log, trajectories, hardware) for log in trajectories)
     for log in trajectories:
         refuse_sizes(log)
     noticed = [
         tuple(each.of(log.source) for each in inspect(log, hardware)) for log in trajectories
     ]
-    _refuse(noticed, allow)
+    refuse(noticed, allow)
     clocked = [_clocked(log, hardware) for log in trajectories]
     timed = [
         restored(log)
@@ -148,12 +158,12 @@ def identify(
         found + tuple(each.of(fit.trajectory.source) for each in fit.findings)
         for found, fit in zip(noticed, fits, strict=True)
     ]
-    _refuse(noticed, allow)
+    refuse(noticed, allow)
     if any(fit.estimate.value("mass") <= 0 for fit in fits):  # no permission makes a device of it
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))
 
     sources = ", ".join(log.source for log in trajectories)
-    missing = tuple(each.of(sources) for each in _not_stated(fits, hardware))
+    missing = tuple(each.of(sources) for each in not_stated(fits, hardware))
     records = [
         LogRecord(
             source=fit.trajectory.source,
@@ -172,14 +182,14 @@ def identify(
         for fit, found in zip(fits, noticed, strict=True)
     )
     return Identification(
-        device=_stored(fits, hardware, records),
+        device=stored(fits, lambda: _device_from(fits, hardware, records)),
         logs=logs,
         findings=(*(each for log in logs for each in log.findings), *missing),
     )
 
 
 def _check_request(
-    trajectories: Sequence[Trajectory],
+    trajectories: Sequence[Trajectory] | Sequence[Trajectories],
     hardware: Hardware | None,
     method: str,
     allow: Collection[str],
@@ -200,26 +210,27 @@ def _check_request(
             remedy = f"Give logs of one {name} at a time; each has its own device"
             raise UsageError(f"--{name}", f"the logs are of {' and '.join(seen)}", remedy)
         known = None if hardware is None else getattr(hardware, name)
+        if name == "axis" and isinstance(trajectories[0], Trajectories):
+            axes = None if hardware is None else hardware.axes
+            known = None if axes is None else ",".join(axes)
         if seen and known is not None and known != seen[0]:
             problem = f"the logs are of {seen[0]}, the hardware of {known}"
             remedy = f"Give the logs and the hardware of one {name}"
             raise UsageError(f"--{name}", problem, remedy)
 
 
-def _refuse(noticed: Sequence[Sequence[Finding]], allow: Collection[str]) -> None:
+def refuse(noticed: Sequence[Sequence[Finding]], allow: Collection[str]) -> None:
     findings = tuple(finding for found in noticed for finding in found)
     if any(each.severity == "refusal" and each.code not in allow for each in findings):
         raise LogRefusedError(findings)
 
 
-def _stored(
-    fits: Sequence[LogFit], hardware: Hardware | None, records: Sequence[LogRecord]
-) -> Device:
-    """The device as its file will hold it."""
+def stored(fits: Sequence[LogFit], make: Callable[[], Device]) -> Device:
+    """A device as its file will hold it. Raises InvalidInputError for numbers that none has."""
     from pydantic import ValidationError
 
     try:
-        return as_stored(_device_from(fits, hardware, records))
+        return as_stored(make())
     except ValidationError as error:
         raise InvalidInputError(
             ", ".join(fit.trajectory.source for fit in fits),
@@ -262,15 +273,15 @@ def _device_from(
         operator=hardware.operator,
         motion=first.motion or "linear",
         missing=() if first.motion else ("motion",),
-        sample_time=_sample_time_of(fits, hardware),
+        sample_time=sample_time_of(fits, hardware),
         mass=_envelope(fits, "mass"),
         damping=_envelope(fits, "damping"),
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
-        delay=_delay_of(fits, hardware),
-        encoder_resolution=_mark_stated(hardware.encoder_resolution)
-        or quantity(_resolution_of(fits), source="log"),
-        force_limit=hardware.force_limit or _force_limit_of(fits),
+        delay=delay_of(fits, hardware),
+        encoder_resolution=stated(hardware.encoder_resolution)
+        or quantity(resolution_of(fits), source="log"),
+        force_limit=hardware.force_limit or force_limit_of(fits),
         modes=hardware.modes or tuple(each.mode for each in beside if each.mode is not None)[:1],
         current_lag=hardware.current_lag or _widest([each.current_lag for each in beside]),
         covariance=_covariance(fits),
@@ -376,7 +387,7 @@ def _covariance(fits: Sequence[LogFit]) -> Covariance:
     )
 
 
-def _not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
+def not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
     """``not-stated``: facts that no hardware file states, and what the logs suggest of them.
 
     Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
@@ -389,11 +400,11 @@ def _not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Find
         which = f"position spans {travel:.4g}, which may be m or rad"
         facts.append(f"motion: linear or motion: rotary ({which})")
     if hardware.force_limit is None:
-        facts.append(f"force_limit (the log reaches {_force_limit_of(fits).peak:.4g}, in its unit)")
+        facts.append(f"force_limit (the log reaches {force_limit_of(fits).peak:.4g}, in its unit)")
     if hardware.encoder_resolution is None:
-        facts.append(f"encoder_resolution ({_resolution_of(fits):.4g} by the log)")
+        facts.append(f"encoder_resolution ({resolution_of(fits):.4g} by the log)")
     if facts and hardware.delay is None:  # alone it need not be stated
-        given = _delay_of(fits, hardware)
+        given = delay_of(fits, hardware)
         facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
     if not facts:
         return ()
@@ -407,18 +418,18 @@ def _not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Find
     return (finding,)
 
 
-def _mark_stated(known: Quantity | None) -> Quantity | None:
+def stated(known: Quantity | None) -> Quantity | None:
     """What the hardware states, marked so; what it only assumes stays assumed."""
     if known is None or known.source is not None:
         return known
     return known.model_copy(update={"source": "hardware"})
 
 
-def _sample_time_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
+def sample_time_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
     """The sample time stated, or the mean and spread of the steps between stamps, s."""
-    stated = _mark_stated(hardware.sample_time)
-    if stated is not None:
-        return stated
+    known = stated(hardware.sample_time)
+    if known is not None:
+        return known
     logs = [np.asarray(fit.trajectory.steps) for fit in fits]
     # Lost rows are long steps of the log, not of the loop.
     usual = [steps[steps <= LOST * np.median(steps)] for steps in logs]
@@ -429,31 +440,31 @@ def _sample_time_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
     return quantity(value, min(low, value), max(high, value), source="log")
 
 
-def _delay_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
+def delay_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
     """The delay stated, with what contradicts it, or what logs allow, up to one sample at least.
 
     A loop that computes between reading and commanding is later than one that plays a plan.
     """
-    stated = _mark_stated(hardware.delay)
+    known = stated(hardware.delay)
     found = [fit.delay for fit in fits if fit.delay is not None]
-    if stated is not None and not found:
-        return stated
-    least = _sample_time_of(fits, Hardware()).value
+    if known is not None and not found:
+        return known
+    least = sample_time_of(fits, Hardware()).value
     low = min(each.value - NORMAL_95 * each.deviation for each in found)
     high = max(each.value + NORMAL_95 * each.deviation for each in found)
-    if stated is not None:  # contradicted: whichever is right
-        ends = {"low": max(min(low, stated.low), 0.0), "high": max(high, stated.high)}
-        return stated.model_copy(update=ends)
+    if known is not None:  # contradicted: whichever is right
+        ends = {"low": max(min(low, known.low), 0.0), "high": max(high, known.high)}
+        return known.model_copy(update=ends)
     value = max(each.value for each in found)
     return quantity(max(value, least), max(low, 0.0), max(high, least), source="log")
 
 
-def _resolution_of(fits: Sequence[LogFit]) -> float:
+def resolution_of(fits: Sequence[LogFit]) -> float:
     """The coarsest of the finest readings of position, m (rad)."""
     return max(finest_reading(fit.trajectory.position, fit.trajectory.force) for fit in fits)
 
 
-def _force_limit_of(fits: Sequence[LogFit]) -> ForceLimit:
+def force_limit_of(fits: Sequence[LogFit]) -> ForceLimit:
     """The largest force logged, N (N·m); no limit of any actuator."""
     peak = max(float(np.max(np.abs(fit.trajectory.force))) for fit in fits)
     return ForceLimit(continuous=peak, peak=peak, source="log")

@@ -31,11 +31,13 @@ from identification.device.hardware import (
     missing_of,
     question,
 )
+from identification.device.pose import Pose
 from identification.device.quantities import (
     BOX_CONFIDENCE,
     LARGEST,
     AnyQuantity,
     Box,
+    Covariance,
     PositiveQuantity,
     Quantity,
     quantity,
@@ -48,8 +50,8 @@ from identification.trajectory import NORMAL_95, Motion
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
 LIGHTEST = 1e-12
-#: Part of a correlation that rounding to twelve digits may take away.
-_ROUNDED = 1e-9
+#: Part of a mass or damping by which directions looked at by chance may miss the extreme.
+_SPARE = 1e-4
 #: How many times narrower or wider than its variance says a stored interval may be: one of two logs
 #: that differ is 0.36 times as wide, one of logs with few degrees of freedom or one poor log wider.
 _NARROWEST, _WIDEST = 0.2, 100.0
@@ -131,45 +133,6 @@ class UnmodelledForce(Document):
         return self.kind == "drag"
 
 
-class Covariance(Document):
-    """Joint covariance of everything identified together, in the units of the device."""
-
-    parameters: tuple[str, ...]
-    matrix: tuple[tuple[float, ...], ...]
-    degrees_of_freedom: float = Field(gt=0)
-
-    @model_validator(mode="after")
-    def _square(self) -> Covariance:
-        size = len(self.parameters)
-        lengths = {len(row) for row in self.matrix}
-        if len(self.matrix) != size or lengths != {size} or len(set(self.parameters)) < size:
-            shape = f"{len(self.matrix)} x {' or '.join(map(str, sorted(lengths)))}"
-            listed = ", ".join(self.parameters)
-            raise ValueError(
-                f"matrix is {shape} for {len(set(self.parameters))} parameters, {listed}"
-            )
-        matrix = np.array(self.matrix)
-        variances = np.diag(matrix)
-        if np.any(variances < 0):
-            raise ValueError(f"matrix has a negative variance, {variances.min():g}")
-        scale = np.sqrt(np.where(variances > 0, variances, 1.0))
-        correlations = matrix / np.outer(scale, scale)
-        uneven = np.argwhere(np.abs(correlations - correlations.T) > _ROUNDED)
-        if uneven.size:
-            row, column = uneven[0]
-            raise ValueError(
-                f"matrix is not symmetric: {matrix[row, column]:g} in row {row + 1}, column "
-                f"{column + 1}, and {matrix[column, row]:g} the other way round"
-            )
-        least = float(np.linalg.eigvalsh(correlations)[0])
-        if least < -_ROUNDED:
-            raise ValueError(
-                "matrix is not positive definite: an eigenvalue of its correlations is "
-                f"{least:.3g}, needed is 0 or more"
-            )
-        return self
-
-
 class LogRecord(Document):
     """One log the device was identified from, and what was let through.
 
@@ -246,6 +209,10 @@ class Device(Document):
         position_stiffness: k, N/m, of a force k·q towards zero; negative pushes away from it.
         gravity: gs and gc.
         covariance: joint, of everything identified together.
+        axes: names of the axes of a device of several; None of one.
+        poses: matrices of a device of several axes, one for each pose. Then mass and damping span
+            every direction, friction and offset every axis, and one law, the same on all axes, is
+            tuned for all of them.
         logs: what it was identified from.
     """
 
@@ -276,6 +243,8 @@ class Device(Document):
     position_stiffness: AnyQuantity | None = None
     gravity: Gravity | None = None
     covariance: Covariance | None = None
+    axes: tuple[str, ...] | None = None
+    poses: tuple[Pose, ...] | None = None
     logs: tuple[LogRecord, ...] = ()
 
     @model_validator(mode="before")
@@ -328,7 +297,38 @@ class Device(Document):
                 "force_limit, which would have to hold it"
             )
         self._refuse_other_covariance()
+        self._refuse_other_axes()
         return self
+
+    def _refuse_other_axes(self) -> None:
+        """Raises ValueError for axes without matrices, or with what only one axis can have."""
+        if self.axes is None or self.poses is None:
+            if self.axes is not None or self.poses is not None:
+                raise ValueError("axes and poses belong together: give both or neither")
+            return
+        if len(self.axes) < 2 or any(len(each.mass) != len(self.axes) for each in self.poses):
+            raise ValueError(f"poses need matrices of {len(self.axes)} axes, two at least")
+        of_one = ("modes", "current_lag", "position_stiffness", "gravity", "damping_slope")
+        given = [name for name in of_one if getattr(self, name)]
+        if given:
+            raise ValueError(f"{', '.join(given)} are known of devices of one axis only")
+        for which in ("mass", "damping"):
+            found = getattr(self, which)
+            low, high = self._over_directions(which, None)
+            spare = _SPARE * max(abs(low), abs(high))
+            if found.low > low + spare or found.high < high - spare:
+                raise ValueError(
+                    f"{which} is said to be {found.low:.5g} to {found.high:.5g}, its matrices have "
+                    f"{low:.5g} to {high:.5g} over all directions"
+                )
+
+    def _over_directions(
+        self, which: Literal["mass", "damping"], confidence: float | None
+    ) -> tuple[float, float]:
+        """Least and largest of any direction at any pose, with 95 % or within a joint region."""
+        assert self.poses is not None
+        ends = [each.extremes(which, each.deviations(confidence)) for each in self.poses]
+        return min(low.value for low, _ in ends), max(high.value for _, high in ends)
 
     def _refuse_other_covariance(self) -> None:
         """Raises ValueError for a covariance that logs or intervals beside it contradict."""
@@ -397,7 +397,8 @@ class Device(Document):
         motion, the box spans both directions and the common value: whatever way the device moves,
         its damping is inside. Where the slope of friction was found, the box spans all of it. The
         slope of gs·sin(q) + gc·cos(q) runs over ±√(gs² + gc²) as the axis turns: the stiffness
-        spans that beside k. Sample time and delay are taken as stated.
+        spans that beside k. Of several axes it spans every direction at every pose. Sample time and
+        delay are taken as stated.
         """
         factor, mass = self.widening(confidence), self.mass
         dampings = [self.damping]
@@ -406,11 +407,16 @@ class Device(Document):
         ranges = [widen_interval(each, factor) for each in dampings]
         if self.damping_slope is not None:
             ranges.append((self.damping_slope.low, self.damping_slope.high))
+        masses = (
+            mass.value * (mass.low / mass.value) ** factor,
+            mass.value * (mass.high / mass.value) ** factor,
+        )
+        if self.poses is not None:
+            each = 1 - (1 - confidence) / len(self.poses)
+            masses = self._over_directions("mass", each)
+            ranges = [self._over_directions("damping", each)]
         return Box(
-            mass=(
-                mass.value * (mass.low / mass.value) ** factor,
-                mass.value * (mass.high / mass.value) ** factor,
-            ),
+            mass=masses,
             damping=(min(low for low, _ in ranges), max(high for _, high in ranges)),
             sample_time=(self.sample_time.low, self.sample_time.high),
             delay=(self.delay.low, self.delay.high),

@@ -167,6 +167,8 @@ class Hardware(Document):
         force_limit: N (N·m) at the handle.
         modes: vibration of the mechanism.
         current_lag: s, time constant of the current loop, if it is slow.
+        axes: names of the axes of a device of several, in the order of their columns; the facts
+            hold for each of them.
     """
 
     schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
@@ -182,6 +184,7 @@ class Hardware(Document):
     force_limit: ForceLimit | None = None
     modes: tuple[Mode, ...] = Field(default=(), max_length=MOST_MODES)
     current_lag: PositiveQuantity | None = None
+    axes: tuple[str, ...] | None = None
 
     @model_validator(mode="after")
     def _sane(self) -> Hardware:

@@ -9,9 +9,11 @@ from functools import cache
 from html import escape
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    Field,
     PlainSerializer,
     WithJsonSchema,
     model_validator,
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 LARGEST = 1e9
 #: Probability that the simultaneous box holds every identified quantity.
 BOX_CONFIDENCE = 0.999
+#: Part of a correlation that rounding to twelve digits may take away.
+_ROUNDED = 1e-9
 #: Degrees of freedom from which Hotelling's T² is χ² to six digits.
 _MANY = 1e6
 #: Precision of its distributions, more than twice that of a number.
@@ -136,6 +140,45 @@ def quantity(
         high=value if high is None else high,
         source=source,
     )
+
+
+class Covariance(Document):
+    """Joint covariance of everything identified together, in the units of the device."""
+
+    parameters: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+    degrees_of_freedom: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _square(self) -> Covariance:
+        size = len(self.parameters)
+        lengths = {len(row) for row in self.matrix}
+        if len(self.matrix) != size or lengths != {size} or len(set(self.parameters)) < size:
+            shape = f"{len(self.matrix)} x {' or '.join(map(str, sorted(lengths)))}"
+            listed = ", ".join(self.parameters)
+            raise ValueError(
+                f"matrix is {shape} for {len(set(self.parameters))} parameters, {listed}"
+            )
+        matrix = np.array(self.matrix)
+        variances = np.diag(matrix)
+        if np.any(variances < 0):
+            raise ValueError(f"matrix has a negative variance, {variances.min():g}")
+        scale = np.sqrt(np.where(variances > 0, variances, 1.0))
+        correlations = matrix / np.outer(scale, scale)
+        uneven = np.argwhere(np.abs(correlations - correlations.T) > _ROUNDED)
+        if uneven.size:
+            row, column = uneven[0]
+            raise ValueError(
+                f"matrix is not symmetric: {matrix[row, column]:g} in row {row + 1}, column "
+                f"{column + 1}, and {matrix[column, row]:g} the other way round"
+            )
+        least = float(np.linalg.eigvalsh(correlations)[0])
+        if least < -_ROUNDED:
+            raise ValueError(
+                "matrix is not positive definite: an eigenvalue of its correlations is "
+                f"{least:.3g}, needed is 0 or more"
+            )
+        return self
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -127,19 +127,33 @@ def _source(table: Regression) -> _Source:
             signals.commands,
             lambda values, delay: _columns(table, _simulated(table, values, delay)),
         )
-    sent = signals.commands.sent
+    past = _past_of(table, signals.reference)
+    known = _columns(table, past.explained(signals.position))
+    if signals.commands.sent is not None:
+        past = _past_of(table, signals.reference, signals.commands.sent)
+    force = replace(signals.commands, value=past.explained(signals.commands.value))
+    return _Source("instruments from the logged reference", force, lambda _values, _delay: known)
+
+
+def _past_of(table: Regression, reference: FloatArray, at: FloatArray | None = None) -> _Past:
+    """Past values of a reference at the samples, or at other times in s."""
+    signals = table.signals
     if isinstance(signals.steps, np.ndarray):
         time = np.concatenate(([0.0], np.cumsum(signals.steps)))
     else:
         time = np.arange(signals.position.size) * np.float64(signals.steps)
     apart = max(_LAG / table.cut_off.frequency, signals.step)
-    lags = np.arange(_LAGS) * np.float64(apart)
-    past = _Past.of(signals.reference, time, time, lags)
-    known = _columns(table, past.explained(signals.position))
-    if sent is not None:
-        past = _Past.of(signals.reference, time, sent, lags)
-    force = replace(signals.commands, value=past.explained(signals.commands.value))
-    return _Source("instruments from the logged reference", force, lambda _values, _delay: known)
+    return _Past.of(
+        reference, time, time if at is None else at, np.arange(_LAGS) * np.float64(apart)
+    )
+
+
+def explained_by_reference(table: Regression) -> FloatArray | None:
+    """Position that past values of the logged reference explain, m; None where none is logged."""
+    reference = table.signals.reference
+    if reference is None:
+        return None
+    return _past_of(table, reference).explained(table.signals.position)
 
 
 def _simulated(table: Regression, values: FloatArray, delay: float) -> FloatArray:

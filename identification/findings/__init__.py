@@ -70,6 +70,7 @@ CODES = (
     "backlash",
     "load-friction",
     "lost-rows",
+    "axes-not-told-apart",
 )
 
 

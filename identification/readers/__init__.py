@@ -18,7 +18,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
@@ -38,9 +38,10 @@ from identification.errors import (
     printable,
 )
 from identification.readers.columns import FloatArray, LogColumns, Reading, conversion_of, quote
+from identification.trajectories import Trajectories
 from identification.trajectory import Motion, Trajectory, refuse_sizes
 
-__all__ = ["LOG_ENDINGS", "LogColumns", "load_trajectory"]
+__all__ = ["LOG_ENDINGS", "LogColumns", "load_log", "load_trajectory"]
 
 #: Module and function by the ending of the file's name.
 _READERS = {
@@ -77,6 +78,24 @@ _LONGEST_STEP = 0.1
 _SHORTEST_STEP = 1e-7
 #: Units stamps come in, and s in each; the first that makes a control loop is guessed.
 _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
+
+
+def load_log(
+    path: str | PathLike[str],
+    columns: LogColumns | None = None,
+    *,
+    motion: Motion | None = None,
+    axis: str | None = None,
+    axes: Sequence[str] | None = None,
+) -> Trajectory | Trajectories:
+    """Read one log of one axis, or of several where their columns are given with commas.
+
+    ``axes`` are names of several; the other arguments and errors are those of `load_trajectory`.
+    """
+    found = (columns or LogColumns()).by_axis(axes)
+    if len(found) == 1:
+        return load_trajectory(path, found[0], motion=motion, axis=axis)
+    return Trajectories(axes=tuple(load_trajectory(path, each, motion=motion) for each in found))
 
 
 def load_trajectory(

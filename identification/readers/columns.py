@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -34,6 +34,8 @@ _SLASHED = re.compile(r"^(?P<stem>.*\S)(?:\s*/\s*|\s+in\s+)(?P<unit>\S+)$")
 _SUFFIXED = re.compile(r"^(?P<stem>.+?)[_ ](?P<unit>[^_ ]+)$")
 #: Characters; nobody writes a unit behind more.
 _LONGEST_NAME = 200
+#: Names of axes where nobody gives any.
+_AXES = ("x", "y", "z", "a", "b", "c")
 #: Words for the columns besides their own names.
 _WORDS = {
     role: frozenset(words.split())
@@ -134,6 +136,35 @@ class LogColumns:
     axis: str | None = None
     decimal: Literal["comma", "point"] | None = None
 
+    def by_axis(self, names: Sequence[str] | None = None) -> tuple[LogColumns, ...]:
+        """The columns of each axis, where names of several are given with commas and no spaces.
+
+        Axes are named by ``axis``, else by ``names``, else x, y, z and so on.
+
+        Raises:
+            InvalidInputError: other numbers of forces, positions, references or names.
+        """
+        parts = {role: _parted(getattr(self, role)) for role in ("force", "position", "reference")}
+        count = len(parts["force"])
+        if max(count, len(parts["position"])) == 1:
+            return (self,)
+        listed = _parted(self.axis) if self.axis else tuple(names or _AXES[:count])
+        sizes = {role: len(each) for role, each in {**parts, "axis": listed}.items()}
+        odd = [role for role, size in sizes.items() if size != count and parts.get(role) != ("",)]
+        if odd:
+            problem = f"names {sizes[odd[0]]} for {count} forces"
+            raise InvalidInputError(f"--{odd[0]}", problem, "Give one of each for every axis")
+        return tuple(
+            replace(
+                self,
+                force=parts["force"][place],
+                position=parts["position"][place],
+                reference=None if self.reference is None else parts["reference"][place],
+                axis=name,
+            )
+            for place, name in enumerate(listed)
+        )
+
     @property
     def stated_units(self) -> frozenset[str]:
         """Roles whose gain a person gave, be it 1."""
@@ -149,6 +180,12 @@ class LogColumns:
                     f"is {gain:g}, not a finite number other than zero",
                     "Give what one unit of the column is in SI units",
                 )
+
+
+def _parted(names: str | None) -> tuple[str, ...]:
+    """Names between commas; one name where a space shows that the comma belongs to it."""
+    names = names or ""
+    return (names,) if " " in names else tuple(names.split(","))
 
 
 def column_names(

@@ -123,6 +123,11 @@ _SPRUNG = (
     "the device's own force by position is proportional to it over all the travel, and acts on the "
     "rigid mass; no gravity"
 )
+_OF_AXES = (
+    "one law, the same on every axis of {}, at poses of the envelope that do not move; walls of "
+    "one normal, or at right angles to each other; that a part of a sample of delay makes no "
+    "direction worse than the box was looked at in 4 000 points, not proved"
+)
 _WITH_MODES = "no vibration modes but those stated"
 _NO_LAG = "no lag of the current loop but what the delay holds"
 _SLOPES = (
@@ -181,6 +186,7 @@ def _assumptions(design: Design) -> tuple[str, ...]:
         *trusted_facts(device),
         NO_HAND if design.hand is None else WITH_HAND,
         *(() if device.slope_at_zero == 0 else (_SPRUNG,)),
+        *(() if device.axes is None else (_OF_AXES.format(", ".join(device.axes)),)),
         _WITH_MODES if device.modes else _RIGID,
         *(() if device.current_lag is not None else (_NO_LAG,)),
         *(() if device.damping_slope is None else (_SLOPES,)),
@@ -271,12 +277,18 @@ class Refusal:
         return f"{self.seen}; needed: {self.needed}. {self.remedy}"
 
 
-def refusal_of(device: Device) -> Refusal | None:
-    """Why a device is unstable beside every effect that is weak enough; None where it is not.
+def refusal_of(device: Device, *, held: bool = False) -> Refusal | None:
+    """Why no effect on a device, ``held`` by a hand or not, can be certified; None where some can.
 
     Every gain in (0, g] is to be stable, and so the device at next to none. One that its own force
     pushes away from where it is, anywhere in its box or on its travel, runs away by itself.
     """
+    if held and device.axes is not None:
+        return Refusal(
+            seen=f"a hand holds a device of {len(device.axes)} axes",
+            needed="no hand, which is proved beside a device of one axis only",
+            remedy="Leave the scene's 'hand' out: the device alone is what is proved.",
+        )
     low, high = device.simultaneous_box().position_stiffness
     unit = UNITS[device.motion]["stiffness"]
     if device.gravity is not None and any(
@@ -306,9 +318,9 @@ def refusal_of(device: Device) -> Refusal | None:
     )
 
 
-def refuse_unbalanced(device: Device) -> None:
+def refuse_unbalanced(device: Device, *, held: bool = False) -> None:
     """Raise CheckFailedError where `refusal_of` a device has a reason."""
-    refusal = refusal_of(device)
+    refusal = refusal_of(device, held=held)
     if refusal is not None:
         raise CheckFailedError((f"device: {refusal}",))
 
@@ -467,7 +479,7 @@ def certify(
     witnesses are multipliers for one-sided combinations, a wrong one proves nothing. Raises
     CheckFailedError with every failure, each naming elements, point and reason.
     """
-    refuse_unbalanced(design.device)
+    refuse_unbalanced(design.device, held=design.hand is not None)
     regions = regions_of(design)
     bare = regions[0]
     extras = [element.margins.extra_delay_samples for element in design.elements.values()]

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         LogFit,
         Method,
         Quantity,
+        Trajectories,
         Trajectory,
         Unstated,
     )
@@ -76,17 +77,20 @@ def identify_command(
     session.draw(picture, lambda: ident.identified_picture(result.device, result.logs))
 
 
-def read_log(path: Path, columns: LogColumns, hardware: Hardware | None) -> Trajectory:
-    """One log, of the motion and axis of its hardware."""
-    return ident.load_trajectory(
+def read_log(
+    path: Path, columns: LogColumns, hardware: Hardware | None
+) -> Trajectory | Trajectories:
+    """One log, of the motion and axis, or axes, of its hardware."""
+    return ident.load_log(
         path,
         columns,
         motion=None if hardware is None else hardware.motion,
         axis=columns.axis or (None if hardware is None else hardware.axis),
+        axes=None if hardware is None else hardware.axes,
     )
 
 
-def tell_reading(session: Session, *trajectories: Trajectory) -> None:
+def tell_reading(session: Session, *trajectories: Trajectory | Trajectories) -> None:
     """One line a log that is no plain table in SI units: how it was understood."""
     for log in trajectories:
         if log.read_as:
@@ -112,7 +116,7 @@ def identify_logs(
     """
     from tune.presentation.tables import device_line, device_table
 
-    def read(columns: LogColumns, known: Hardware | None) -> list[Trajectory]:
+    def read(columns: LogColumns, known: Hardware | None) -> list[Trajectory | Trajectories]:
         with session.progress() as say:
             say("reading logs")
             return [read_log(path, columns, known) for path in logs]
@@ -204,6 +208,11 @@ def doctor_command(
             tell_reading(session, trajectory)
             with session.progress() as say:
                 say(f"examining {path.name}")
+                if isinstance(trajectory, ident.Trajectories):
+                    found = ident.identify(trajectory, hardware=known, allow=allow or [])
+                    _tell_axes(session, found, picture and _numbered(picture, place))
+                    findings += found.findings
+                    continue
                 seen = ident.examine(trajectory, hardware=known, allow=allow or [])
         except LogRefusedError as error:  # the columns are no log at all
             findings += error.findings
@@ -219,6 +228,15 @@ def doctor_command(
     if refused:
         raise LogRefusedError(tuple(findings))
     session.add_findings(tuple(findings))
+
+
+def _tell_axes(session: Session, found: Identification, picture: Path | None) -> None:
+    """What identify makes of a log of several axes."""
+    from tune.presentation.tables import device_table
+
+    session.say(device_table(found.device))
+    session.say(f"usable, by {found.logs[0].reason}")
+    session.draw(picture, lambda: ident.identified_picture(found.device, found.logs))
 
 
 def _numbered(picture: Path, place: int) -> Path:
@@ -325,8 +343,10 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
 
 
 def ask_columns(
-    session: Session, columns: LogColumns, read: Callable[[LogColumns], list[Trajectory]]
-) -> tuple[LogColumns, list[Trajectory]]:
+    session: Session,
+    columns: LogColumns,
+    read: Callable[[LogColumns], list[Trajectory | Trajectories]],
+) -> tuple[LogColumns, list[Trajectory | Trajectories]]:
     """Read logs, asking for one option after the other that they leave open.
 
     What was answered is told as options, which other commands on these logs take.

@@ -30,7 +30,7 @@ from tune.cli.session import Session, command
 from tune.documents import CheckFailedError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
-    from identification import Device, Hardware, LogColumns, Trajectory
+    from identification import Device, Hardware, LogColumns, Trajectories, Trajectory
     from tune.documents.perception import PerceptionTable
     from tune.documents.profile import Design, SafeProfile
     from tune.documents.results import AlternativeResult
@@ -420,6 +420,12 @@ def export_command(
             for path in (each for each in files if each.parent == folder):
                 session.target(path, profile)
     session.write_together(files, dry_run=dry_run)
+    if checked.device.axes is not None:
+        axes = ", ".join(checked.device.axes)
+        session.say(
+            f"one state of the guard for each of {axes}, and for each wall of another normal n: it "
+            "takes n·q and gives the force along n"
+        )
     others = [
         path
         for folder in (output, output / _PACKAGE)
@@ -532,7 +538,9 @@ def report_command(
     )
 
 
-def _own_log(path: Path, columns: LogColumns, safe: SafeProfile, profile: Path) -> Trajectory:
+def _own_log(
+    path: Path, columns: LogColumns, safe: SafeProfile, profile: Path
+) -> Trajectory | Trajectories:
     """A log that the profile's device was identified from; else raises InvalidInputError."""
     trajectory = read_log(path, columns, _hardware_of(safe.device))
     known = {log.digest: log.source for log in safe.device.logs}

@@ -109,7 +109,7 @@ def optimise(
     """
     device.require_stated()
     say = progress or _silent
-    refusal = refusal_of(device)
+    refusal = refusal_of(device, held=scene.hand != "none")
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
     task = DesignTask.of(as_stored(device), scene, table or default_table(), favour)

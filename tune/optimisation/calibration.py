@@ -10,10 +10,11 @@ from identification import (
     Hardware,
     LogColumns,
     Method,
+    Trajectories,
     Trajectory,
     identify,
     load_document,
-    load_trajectory,
+    load_log,
 )
 from tune.documents.perception import perception_of
 from tune.documents.profile import SafeProfile
@@ -24,7 +25,7 @@ File = str | PathLike[str]
 
 
 def calibrate(
-    logs: File | Trajectory | Sequence[File | Trajectory],
+    logs: File | Trajectory | Trajectories | Sequence[File | Trajectory | Trajectories],
     scene: File | Scene,
     *,
     hardware: File | Hardware | None = None,
@@ -37,7 +38,8 @@ def calibrate(
     The command of this name also rehearses the profile in simulation before it is written.
 
     Args:
-        logs: files or trajectories of one axis, one or several.
+        logs: files or trajectories of one axis, one or several; or of several axes driven
+            together, one of each pose.
         scene: file or scene; a perception table it names lies beside the file.
         hardware: file or document of what no log tells: motion, sample time and so on.
         columns: of the files; None takes `LogColumns()`.
@@ -52,15 +54,15 @@ def calibrate(
     known = hardware
     if known is not None and not isinstance(known, Hardware):
         known = load_document(Hardware, known)
-    motion, axis = (None, None) if known is None else (known.motion, known.axis)
+    motion, axis, axes = (None,) * 3 if known is None else (known.motion, known.axis, known.axes)
 
-    def read(log: File | Trajectory) -> Trajectory:
-        done = isinstance(log, Trajectory)
-        return log if done else load_trajectory(log, columns, motion=motion, axis=axis)
+    def read(log: File | Trajectory | Trajectories) -> Trajectory | Trajectories:
+        if isinstance(log, Trajectory | Trajectories):
+            return log
+        return load_log(log, columns, motion=motion, axis=axis, axes=axes)
 
-    given = [logs] if isinstance(logs, str | PathLike | Trajectory) else logs
-    trajectories = [read(each) for each in given]
-    device = identify(trajectories, hardware=known, method=method, allow=allow).device
+    given = [logs] if isinstance(logs, str | PathLike | Trajectory | Trajectories) else logs
+    device = identify([read(each) for each in given], hardware=known, method=method, allow=allow)
     wish = scene if isinstance(scene, Scene) else load_scene(scene)
     beside = Path() if isinstance(scene, Scene) else Path(scene).parent
-    return optimise(device, wish, table=perception_of(wish, beside))
+    return optimise(device.device, wish, table=perception_of(wish, beside))

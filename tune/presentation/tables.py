@@ -305,6 +305,8 @@ def device_table(device: Device) -> Table:
         part = relative_half_width(quantity)
         share = "-" if part is None else f"{100 * part:.2g} %"
         table.add_row(label, *_with_interval(quantity), units[kind], share)
+    for label, cells, kind in _axes_rows(device):
+        table.add_row(label, *cells, units[kind], "-")
     for label, found, kind in (
         ("slope of friction", device.damping_slope, "damping"),
         ("stiffness before sliding", device.presliding_stiffness, "stiffness"),
@@ -335,6 +337,27 @@ def _device_rows(device: Device) -> list[tuple[str, Quantity, str]]:
     if device.gravity is not None:
         rows.append(("gravity, sine", device.gravity.sine, "force"))
         rows.append(("gravity, cosine", device.gravity.cosine, "force"))
+    return rows
+
+
+#: What is told of every direction.
+_ENDS = ("least mass", "largest mass", "least damping", "largest damping")
+
+
+def _axes_rows(device: Device) -> list[tuple[str, tuple[str, str], str]]:
+    """Label, value and interval, and unit of what a device of several axes has by direction."""
+    rows: list[tuple[str, tuple[str, str], str]] = []
+    names = device.axes or ()
+    for place, pose in enumerate(device.poses or (), start=1):
+        where = f", pose {place}" if len(device.poses or ()) > 1 else ""
+        ends = (*pose.extremes("mass", 0.0), *pose.extremes("damping", 0.0))
+        for label, end in zip(_ENDS, ends, strict=True):
+            parts = zip(end.direction, names, strict=True)
+            along = ", ".join(f"{part:.2f} {axis}" for part, axis in parts)
+            kind = label.rpartition(" ")[2]
+            rows.append((label + where, (f"{end.value:.4g}", f"along ({along})"), kind))
+        for axis, friction in zip(names, pose.coulomb_friction, strict=True):
+            rows.append((f"friction of {axis}{where}", (f"{friction:.4g}", "-"), "force"))
     return rows
 
 

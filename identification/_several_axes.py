@@ -1,0 +1,330 @@
+"""Mass and damping matrices of a device whose axes are driven together, from its logs.
+
+The matrices are estimated jointly. What an axis would have shown alone, its force less what moves
+the others, is then looked at as any log of one axis: excitation, friction, hands, delays. What that
+makes doubtful of an axis widens its entries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, cast, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification._identify import (
+    Identification,
+    delay_of,
+    force_limit_of,
+    not_stated,
+    refuse,
+    resolution_of,
+    sample_time_of,
+    stated,
+    stored,
+)
+from identification.device.device import Device, ForceLimit, LogRecord
+from identification.device.hardware import Hardware
+from identification.device.pose import Pose
+from identification.device.quantities import Covariance, Quantity, quantity
+from identification.errors import Finding, LogRefusedError, UsageError
+from identification.estimators import Method
+from identification.estimators.filters import is_coloured
+from identification.estimators.joint import JointEstimate, JointLog, JointMethod, NoMassError
+from identification.estimators.least_squares import find_delay, longest_delay, prepare
+from identification.estimators.motion import distinguishable_terms
+from identification.findings import inspect
+from identification.fitting import LogFit, fit_log
+from identification.trajectories import Trajectories
+from identification.trajectory import (
+    MOST_FITTED,
+    NORMAL_95,
+    Trajectory,
+    encoder_count,
+    refuse_sizes,
+)
+
+FloatArray = NDArray[np.float64]
+
+#: A residual of at most so many counts rms is the encoder's own, whatever its colour.
+_ENCODER_RESIDUAL = 0.295
+#: A mass of any direction must be known to this factor, or the axes are not told apart.
+_LOOSEST = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _JointFit:
+    """What one log of several axes said."""
+
+    log: Trajectories
+    estimate: JointEstimate
+    alone: tuple[LogFit, ...]
+    reason: str
+
+
+def identify_axes(
+    logs: Sequence[Trajectories], hardware: Hardware | None, method: Method, allow: Collection[str]
+) -> Identification:
+    """Identify a device of several axes from one log of all of them, or from one for each pose.
+
+    Arguments and errors are those of ``identify``; methods are "auto", "least-squares",
+    "instruments" and "output-error". ``logs`` of what it returns are those of each axis alone.
+    """
+    if method != "auto" and method not in get_args(JointMethod):
+        problem = f"{method} is for one axis"
+        known = ", ".join(get_args(JointMethod))
+        raise UsageError("--method", problem, f"Choose from auto, {known}")
+    _check_axes(logs, hardware)
+    for axis in (each for log in logs for each in log.axes):
+        refuse_sizes(axis)
+    noticed = [_inspected(log, hardware) for log in logs]
+    refuse(noticed, allow)
+    fits = [_fitted(log, hardware, method) for log in logs]
+    noticed = [
+        found
+        + tuple(each.of(fit.trajectory.source) for fit in joint.alone for each in fit.findings)
+        + tuple(each.of(joint.log.source) for each in _not_told_apart(joint.estimate))
+        for found, joint in zip(noticed, fits, strict=True)
+    ]
+    refuse(noticed, allow)
+    alone = [fit for joint in fits for fit in joint.alone]
+    sources = ", ".join(log.source for log in logs)
+    missing = tuple(each.of(sources) for each in not_stated(alone, hardware))
+    records = [
+        LogRecord(
+            source=joint.log.source,
+            digest=joint.log.axes[0].digest,
+            samples=len(joint.log),
+            method=joint.estimate.method,
+            findings=tuple(dict.fromkeys(each.code for each in (*found, *missing))),
+            allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
+            read_as=joint.log.axes[0].read_as,
+        )
+        for joint, found in zip(fits, noticed, strict=True)
+    ]
+    findings = tuple(replace(each, severity="warning") for found in noticed for each in found)
+    return Identification(
+        device=stored(alone, lambda: _device_from(fits, hardware, records)),
+        logs=tuple(replace(each, reason=joint.reason) for joint in fits for each in joint.alone),
+        findings=findings + missing,
+    )
+
+
+def _check_axes(logs: Sequence[Trajectories], hardware: Hardware | None) -> None:
+    if any(log.names != logs[0].names for log in logs):
+        seen = " and ".join(", ".join(log.names) for log in logs)
+        raise UsageError("--axis", f"the logs are of {seen}", "Give logs of one device")
+    kinds = {log.motion for log in logs} - {None}
+    if len(kinds) > 1:
+        raise UsageError("--motion", "the logs are linear and rotary", "Give one kind at a time")
+    if hardware is not None and (hardware.modes or hardware.current_lag is not None):
+        problem = "states modes or a current lag, which are known of one axis only"
+        raise UsageError("--hardware", problem, "Leave them out, or identify axis by axis")
+
+
+def _inspected(log: Trajectories, hardware: Hardware | None) -> tuple[Finding, ...]:
+    return tuple(
+        each.of(f"{axis.source}, axis {axis.axis}")
+        for axis in log.axes
+        for each in inspect(axis, hardware)
+    )
+
+
+def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _JointFit:
+    """The joint estimate of one log, and what each axis shows alone."""
+    log = _most_excited(log)
+    known = None if hardware is None else hardware.delay
+    step = log.axes[0].sample_time
+    longest = longest_delay(step, len(log))
+    if known is None:
+        delay = float(np.median([_seen_delay(axis, longest) for axis in log.axes]))
+        room, doubt = min(delay + step, longest), 0.0
+    else:
+        delay, room = known.value, known.value + step
+        doubt = (known.high - known.low) / (2 * NORMAL_95)
+    try:
+        prepared = JointLog.of(log, delay, room, doubt)
+        estimate, reason = _chosen(prepared, method, fits_delay=known is None)
+    except (NoMassError, np.linalg.LinAlgError):
+        raise LogRefusedError((_no_mass().of(log.source),)) from None
+    alone = tuple(
+        fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")
+        for axis in prepared.alone(estimate).axes
+    )
+    return _JointFit(log=log, estimate=_widened(estimate, alone), alone=alone, reason=reason)
+
+
+def _most_excited(log: Trajectories) -> Trajectories:
+    """The middle of a log that is longer than estimates are made of."""
+    spare = len(log) - MOST_FITTED
+    if spare <= 0:
+        return log
+    rows = slice(spare // 2, spare // 2 + MOST_FITTED)
+    return replace(log, axes=tuple(each.part(rows) for each in log.axes))
+
+
+def _seen_delay(axis: Trajectory, longest: float) -> float:
+    """The delay that an axis shows by itself, s: a start for what all show together."""
+    return find_delay(axis, prepare(axis, distinguishable_terms(axis), longest, refine=False)).value
+
+
+def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[JointEstimate, str]:
+    """The estimate to believe and a sentence why."""
+    if method in get_args(JointMethod):
+        asked = cast("JointMethod", method)
+        return prepared.fit(asked, fits_delay=fits_delay), f"{method.replace('-', ' ')} as asked"
+    if isinstance(prepared.steps, float):
+        simulated = prepared.fit("output-error", fits_delay=fits_delay)
+        if all(
+            _explained(residual, encoder_count(axis.position))
+            for residual, axis in zip(simulated.residuals, prepared.log.axes, strict=True)
+        ):
+            return simulated, "output error, because noise of the encoders explains its residuals"
+        prepared = prepared.later(simulated) if fits_delay else prepared
+    referenced = all(table.signals.reference is not None for table in prepared.tables)
+    usual: JointMethod = "instruments" if referenced else "least-squares"
+    found = prepared.fit(usual)
+    why = "noise of the encoders does not explain what output error leaves"
+    return found, f"{usual.replace('-', ' ')}, because {why}"
+
+
+def _explained(residual: FloatArray, count: float | None) -> bool:
+    rms = float(np.sqrt(np.mean(residual**2)))
+    return not is_coloured(residual) or rms <= _ENCODER_RESIDUAL * (count or 0.0)
+
+
+def _widened(estimate: JointEstimate, alone: Sequence[LogFit]) -> JointEstimate:
+    """With the deviations of an axis alone, where they exceed the joint ones."""
+    names, axes = estimate.model.parameters, estimate.model.axes
+    factors = {
+        (which, axis): max(
+            1.0, fit.estimate.deviation(which) / estimate.deviation(f"{which}_{axis}_{axis}")
+        )
+        for which in ("mass", "damping")
+        for axis, fit in zip(axes, alone, strict=True)
+    }
+    scale = np.ones(len(names))
+    for place, name in enumerate(names[: 2 * len(estimate.model.pairs)]):
+        which = "mass" if name.startswith("mass_") else "damping"
+        row, column = estimate.model.pairs[place % len(estimate.model.pairs)]
+        scale[place] = np.sqrt(factors[which, axes[row]] * factors[which, axes[column]])
+    return replace(estimate, covariance=estimate.covariance * np.outer(scale, scale))
+
+
+def _not_told_apart(estimate: JointEstimate) -> tuple[Finding, ...]:
+    """``axes-not-told-apart``: a direction whose mass is not known, or not certainly there."""
+    try:
+        pose = _pose(estimate)
+    except ValueError:
+        return (_no_mass(),)
+    matrix = np.array(pose.mass)
+    for deviations in (pose.deviations(), -pose.deviations()):
+        for end in pose.extremes("mass", deviations):
+            unit = np.array(end.direction)
+            value = float(unit @ matrix @ unit)
+            factor = float(np.exp(abs(np.log(end.value / value))))
+            if factor > _LOOSEST:
+                parts = zip(end.direction, estimate.model.axes, strict=True)
+                where = ", ".join(f"{part:.2f} {axis}" for part, axis in parts)
+                return (
+                    Finding(
+                        code="axes-not-told-apart",
+                        severity="refusal",
+                        seen=f"along ({where}) the mass is {value:.4g}, known to a factor of "
+                        f"{factor:.3g}",
+                        needed=f"a mass known to a factor of {_LOOSEST:g} in every direction",
+                        remedy="Drive all axes at once with forces of their own (other lines or "
+                        "phases), for longer.",
+                    ),
+                )
+    return ()
+
+
+def _no_mass() -> Finding:
+    return Finding(
+        code="axes-not-told-apart",
+        severity="refusal",
+        seen="the mass matrix is not positive definite",
+        needed="a positive mass in every direction",
+        remedy="Check the signs and units of all axes; drive them with forces of their own.",
+    )
+
+
+def _pose(estimate: JointEstimate) -> Pose:
+    """The matrices of one estimate with the covariance of their entries."""
+    mass, damping = estimate.matrices
+    friction, offset = estimate.model.friction(estimate.values)
+    count = 2 * len(estimate.model.pairs)
+    return Pose(
+        mass=_rows(mass),
+        damping=_rows(damping),
+        coulomb_friction=tuple(np.maximum(friction, 0.0).tolist()),
+        force_offset=tuple(offset.tolist()),
+        covariance=Covariance(
+            parameters=estimate.model.parameters[:count],
+            matrix=_rows(estimate.covariance[:count, :count]),
+            degrees_of_freedom=estimate.degrees_of_freedom,
+        ),
+    )
+
+
+def _rows(matrix: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in ((matrix + matrix.T) / 2).tolist())
+
+
+def _device_from(
+    fits: Sequence[_JointFit], hardware: Hardware | None, records: Sequence[LogRecord]
+) -> Device:
+    """The device all poses make: mass and damping over every direction, axes at their worst."""
+    hardware = hardware or Hardware()
+    first = fits[0].log
+    alone = [fit for joint in fits for fit in joint.alone]
+    poses = tuple(_pose(joint.estimate) for joint in fits)
+    by_axis = [
+        [joint.estimate.model.friction(joint.estimate.values)[which] for joint in fits]
+        for which in (0, 1)
+    ]
+    limit = hardware.force_limit
+    return Device(
+        name=hardware.name,
+        axis=",".join(first.names),
+        axes=first.names,
+        poses=poses,
+        serial=hardware.serial,
+        date=hardware.date,
+        operator=hardware.operator,
+        motion=first.motion or hardware.motion or "linear",
+        missing=() if first.motion or hardware.motion else ("motion",),
+        sample_time=sample_time_of(alone, hardware),
+        mass=_over_directions(poses, "mass"),
+        damping=_over_directions(poses, "damping"),
+        coulomb_friction=_spread_of(by_axis[0], least=0.0),
+        force_offset=_spread_of(by_axis[1]),
+        delay=delay_of(alone, hardware),
+        encoder_resolution=stated(hardware.encoder_resolution)
+        or quantity(resolution_of(alone), source="log"),
+        force_limit=limit or _weakest(alone),
+        logs=tuple(records),
+    )
+
+
+def _weakest(alone: Sequence[LogFit]) -> ForceLimit:
+    """The least of the largest forces that the axes were logged with, N (N·m)."""
+    return min((force_limit_of([fit]) for fit in alone), key=lambda each: each.peak)
+
+
+def _over_directions(poses: Sequence[Pose], which: Literal["mass", "damping"]) -> Quantity:
+    """Mean over directions, and the interval that holds every direction at every pose."""
+    matrices = [np.array(getattr(pose, which)) for pose in poses]
+    ends = [end.value for pose in poses for end in pose.extremes(which, pose.deviations())]
+    value = float(np.mean([np.trace(each) / len(each) for each in matrices]))
+    return quantity(value, min(ends), max(ends))
+
+
+def _spread_of(by_pose: Sequence[FloatArray], least: float | None = None) -> Quantity:
+    """Mean and range over axes and poses."""
+    found = np.concatenate(by_pose)
+    found = found if least is None else np.maximum(found, least)
+    return quantity(float(found.mean()), float(found.min()), float(found.max()))

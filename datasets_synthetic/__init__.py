@@ -15,7 +15,7 @@ from datasets_synthetic.scenarios import (
     run_batch,
     scenario_named,
 )
-from datasets_synthetic.simulation import Recording, Truth, simulate
+from datasets_synthetic.simulation import Motions, Recording, RigOfAxes, Truth, simulate
 
 __all__ = [
     "SCENARIOS",
@@ -25,9 +25,11 @@ __all__ = [
     "Faults",
     "ForceSignal",
     "Hand",
+    "Motions",
     "Recording",
     "Rehearsal",
     "Rig",
+    "RigOfAxes",
     "Scenario",
     "Servo",
     "Trial",

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
         named_devices,
     )
     from identification.device.hardware import Fact, ForceLimit, Hardware, Mode
-    from identification.device.pose import Pose
     from identification.device.quantities import (
         AnyQuantity,
         Box,
         Covariance,
+        Pose,
         Quantity,
         Tabular,
         quantity,
@@ -72,8 +72,7 @@ if TYPE_CHECKING:
     from identification.planning.limits import ExcitationSpec, load_excitation
     from identification.plant import Plant
     from identification.readers import LOG_ENDINGS, LogColumns, load_log, load_trajectory
-    from identification.trajectories import Trajectories
-    from identification.trajectory import Motion, Trajectory
+    from identification.trajectory import Motion, Trajectories, Trajectory
 
 #: Public names by module. No module has the name of a function (so _identify): once loaded,
 #: it would take the function's place.
@@ -83,8 +82,7 @@ _HOMES = {
         "ByDirection Device Gravity LogRecord SlopeRange UnmodelledForce load_device named_devices"
     ),
     "device.hardware": "Fact ForceLimit Hardware Mode",
-    "device.pose": "Pose",
-    "device.quantities": "AnyQuantity Box Covariance Quantity Tabular quantity",
+    "device.quantities": "AnyQuantity Box Covariance Pose Quantity Tabular quantity",
     "documents": (
         "Document Replaced as_stored difference_of load_document load_mapping parse_document "
         "round_to_digits to_mapping to_yaml write_bytes write_files write_text"
@@ -103,8 +101,7 @@ _HOMES = {
     "planning.limits": "ExcitationSpec load_excitation",
     "plant": "Plant",
     "readers": "LOG_ENDINGS LogColumns load_log load_trajectory",
-    "trajectories": "Trajectories",
-    "trajectory": "Motion Trajectory",
+    "trajectory": "Motion Trajectories Trajectory",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -112,8 +109,7 @@ __all__ = ["Examination", "Identification", "examine", "identify"]
 __all__ += ["ByDirection", "Covariance", "Device", "Gravity", "LogRecord", "SlopeRange"]
 __all__ += ["UnmodelledForce", "load_device", "named_devices"]
 __all__ += ["Fact", "ForceLimit", "Hardware", "Mode"]
-__all__ += ["Pose"]
-__all__ += ["AnyQuantity", "Box", "Quantity", "Tabular", "quantity"]
+__all__ += ["AnyQuantity", "Box", "Pose", "Quantity", "Tabular", "quantity"]
 __all__ += ["Document", "Replaced", "as_stored", "difference_of", "load_document", "load_mapping"]
 __all__ += ["parse_document", "round_to_digits", "to_mapping", "to_yaml", "write_bytes"]
 __all__ += ["write_files", "write_text"]

@@ -14,29 +14,32 @@ from identification.device.device import (
     ByDirection,
     Covariance,
     Device,
-    ForceLimit,
     Gravity,
     LogRecord,
     SlopeRange,
 )
-from identification.device.hardware import Hardware
+from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
 from identification.device.quantities import Quantity, Tabular, quantity
 from identification.documents import as_stored, complaints
-from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
+from identification.errors import (
+    Finding,
+    InvalidInputError,
+    LogRefusedError,
+    UsageError,
+    refuse,
+)
 from identification.estimators import METHODS, Method
 from identification.estimators.estimate import Estimate, quantile
-from identification.estimators.signals import LOST, position_noise
+from identification.estimators.signals import position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.findings.lost_rows import Restored, restored
 from identification.fitting import LogFit, fit_log
-from identification.trajectories import Trajectories
 from identification.trajectory import (
-    NORMAL_95,
     Motion,
+    Trajectories,
     Trajectory,
     encoder_count,
-    finest_reading,
     refuse_sizes,
 )
 
@@ -51,7 +54,6 @@ _PARAMETERS = ("mass", "damping", "coulomb_friction", "force_offset")
 #: does not tell the mass comes near this factor of a thousand.
 _WIDEST_MASS = 7.0
 _CONFIDENCE = 0.95  # probability that a stored interval holds the truth
-_PART = 0.95  # part of the steps between stamps that the stored interval of the sample time holds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,9 +134,11 @@ def identify(
         raise UsageError("logs", "are of one axis and of several", "Give one kind at a time")
     _check_request(trajectories or several, hardware, method, allow)
     if several:
-        from identification._several_axes import identify_axes
+        from identification.fitting.several_axes import fit_axes
 
-        return identify_axes(several, hardware, method, allow)
+        found = fit_axes(several, hardware, method, allow)
+        device = _stored(several, lambda: found.device(hardware))
+        return Identification(device=device, logs=found.logs, findings=found.findings)
     trajectories = tuple(_moving(log, trajectories, hardware) for log in trajectories)
     for log in trajectories:
         refuse_sizes(log)
@@ -163,7 +167,7 @@ def identify(
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))
 
     sources = ", ".join(log.source for log in trajectories)
-    missing = tuple(each.of(sources) for each in not_stated(fits, hardware))
+    missing = tuple(each.of(sources) for each in _suggested(fits).not_stated(hardware))
     records = [
         LogRecord(
             source=fit.trajectory.source,
@@ -182,7 +186,7 @@ def identify(
         for fit, found in zip(fits, noticed, strict=True)
     )
     return Identification(
-        device=stored(fits, lambda: _device_from(fits, hardware, records)),
+        device=_stored(trajectories, lambda: _device_from(fits, hardware, records)),
         logs=logs,
         findings=(*(each for log in logs for each in log.findings), *missing),
     )
@@ -219,13 +223,9 @@ def _check_request(
             raise UsageError(f"--{name}", problem, remedy)
 
 
-def refuse(noticed: Sequence[Sequence[Finding]], allow: Collection[str]) -> None:
-    findings = tuple(finding for found in noticed for finding in found)
-    if any(each.severity == "refusal" and each.code not in allow for each in findings):
-        raise LogRefusedError(findings)
-
-
-def stored(fits: Sequence[LogFit], make: Callable[[], Device]) -> Device:
+def _stored(
+    logs: Sequence[Trajectory] | Sequence[Trajectories], make: Callable[[], Device]
+) -> Device:
     """A device as its file will hold it. Raises InvalidInputError for numbers that none has."""
     from pydantic import ValidationError
 
@@ -233,7 +233,7 @@ def stored(fits: Sequence[LogFit], make: Callable[[], Device]) -> Device:
         return as_stored(make())
     except ValidationError as error:
         raise InvalidInputError(
-            ", ".join(fit.trajectory.source for fit in fits),
+            ", ".join(log.source for log in logs),
             f"gives numbers that no device has ({complaints(Device, error)})",
             "Name the right columns, and give gains that make them SI",
         ) from None
@@ -265,6 +265,7 @@ def _device_from(
         for kind in ("proportional", "pendulum")
     )
     beside = [fit.dynamics for fit in fits if fit.dynamics is not None]
+    facts = _suggested(fits)
     return Device(
         name=hardware.name,
         axis=first.axis,
@@ -273,15 +274,15 @@ def _device_from(
         operator=hardware.operator,
         motion=first.motion or "linear",
         missing=() if first.motion else ("motion",),
-        sample_time=sample_time_of(fits, hardware),
+        sample_time=facts.sample_time(hardware),
         mass=_envelope(fits, "mass"),
         damping=_envelope(fits, "damping"),
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
-        delay=delay_of(fits, hardware),
-        encoder_resolution=stated(hardware.encoder_resolution)
-        or quantity(resolution_of(fits), source="log"),
-        force_limit=hardware.force_limit or force_limit_of(fits),
+        delay=facts.delay(hardware),
+        encoder_resolution=mark_stated(hardware.encoder_resolution)
+        or quantity(facts.resolution(), source="log"),
+        force_limit=hardware.force_limit or facts.force_limit(),
         modes=hardware.modes or tuple(each.mode for each in beside if each.mode is not None)[:1],
         current_lag=hardware.current_lag or _widest([each.current_lag for each in beside]),
         covariance=_covariance(fits),
@@ -296,6 +297,15 @@ def _device_from(
         )
         if weights
         else None,
+    )
+
+
+def _suggested(fits: Sequence[LogFit]) -> SuggestedFacts:
+    """What the logs suggest of the facts."""
+    delays = [fit.delay for fit in fits if fit.delay is not None]
+    return SuggestedFacts(
+        logs=tuple(fit.trajectory for fit in fits),
+        delays=tuple((each.value, each.deviation) for each in delays),
     )
 
 
@@ -385,89 +395,6 @@ def _covariance(fits: Sequence[LogFit]) -> Covariance:
         matrix=tuple(tuple(float(cell) for cell in row) for row in total),
         degrees_of_freedom=min(fit.estimate.degrees_of_freedom for fit in fits),
     )
-
-
-def not_stated(fits: Sequence[LogFit], hardware: Hardware | None) -> tuple[Finding, ...]:
-    """``not-stated``: facts that no hardware file states, and what the logs suggest of them.
-
-    Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
-    """
-    hardware = hardware or Hardware()
-    facts: list[str] = []
-    if fits[0].trajectory.motion is None:
-        # Whether an axis turns cannot be seen: radians and metres are numbers.
-        travel = max(float(np.ptp(fit.trajectory.position)) for fit in fits)
-        which = f"position spans {travel:.4g}, which may be m or rad"
-        facts.append(f"motion: linear or motion: rotary ({which})")
-    if hardware.force_limit is None:
-        facts.append(f"force_limit (the log reaches {force_limit_of(fits).peak:.4g}, in its unit)")
-    if hardware.encoder_resolution is None:
-        facts.append(f"encoder_resolution ({resolution_of(fits):.4g} by the log)")
-    if facts and hardware.delay is None:  # alone it need not be stated
-        given = delay_of(fits, hardware)
-        facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
-    if not facts:
-        return ()
-    finding = Finding(
-        code="not-stated",
-        severity="warning",
-        seen="nobody states " + ", ".join(facts),
-        needed="facts from a data sheet, in N, m (N·m, rad) and s, before anything is certified",
-        remedy="State them in the hardware file (--hardware).",
-    )
-    return (finding,)
-
-
-def stated(known: Quantity | None) -> Quantity | None:
-    """What the hardware states, marked so; what it only assumes stays assumed."""
-    if known is None or known.source is not None:
-        return known
-    return known.model_copy(update={"source": "hardware"})
-
-
-def sample_time_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
-    """The sample time stated, or the mean and spread of the steps between stamps, s."""
-    known = stated(hardware.sample_time)
-    if known is not None:
-        return known
-    logs = [np.asarray(fit.trajectory.steps) for fit in fits]
-    # Lost rows are long steps of the log, not of the loop.
-    usual = [steps[steps <= LOST * np.median(steps)] for steps in logs]
-    means = [float(np.mean(steps)) for steps in usual]
-    low = min(float(np.quantile(steps, (1 - _PART) / 2)) for steps in usual)
-    high = max(float(np.quantile(steps, (1 + _PART) / 2)) for steps in usual)
-    value = float(np.mean(means))
-    return quantity(value, min(low, value), max(high, value), source="log")
-
-
-def delay_of(fits: Sequence[LogFit], hardware: Hardware) -> Quantity:
-    """The delay stated, with what contradicts it, or what logs allow, up to one sample at least.
-
-    A loop that computes between reading and commanding is later than one that plays a plan.
-    """
-    known = stated(hardware.delay)
-    found = [fit.delay for fit in fits if fit.delay is not None]
-    if known is not None and not found:
-        return known
-    least = sample_time_of(fits, Hardware()).value
-    low = min(each.value - NORMAL_95 * each.deviation for each in found)
-    high = max(each.value + NORMAL_95 * each.deviation for each in found)
-    if known is not None:  # contradicted: whichever is right
-        ends = {"low": max(min(low, known.low), 0.0), "high": max(high, known.high)}
-        return known.model_copy(update=ends)
-    value = max(each.value for each in found)
-    return quantity(max(value, least), max(low, 0.0), max(high, least), source="log")
-
-
-def resolution_of(fits: Sequence[LogFit]) -> float:
-    """The coarsest of the finest readings of position, m (rad)."""
-    return max(finest_reading(fit.trajectory.position, fit.trajectory.force) for fit in fits)
-
-
-def force_limit_of(fits: Sequence[LogFit]) -> ForceLimit:
-    """The largest force logged, N (N·m); no limit of any actuator."""
-    peak = max(float(np.max(np.abs(fit.trajectory.force))) for fit in fits)
-    return ForceLimit(continuous=peak, peak=peak, source="log")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -164,3 +164,10 @@ class NotWrittenError(IdentificationError):
             f"{path}: not written: {reason}. Choose another place with -o; "
             "what stood there before is untouched."
         )
+
+
+def refuse(noticed: Sequence[Sequence[Finding]], allow: Collection[str]) -> None:
+    """Raise LogRefusedError with all findings where one of them refuses and is not allowed."""
+    findings = tuple(finding for found in noticed for finding in found)
+    if any(each.severity == "refusal" and each.code not in allow for each in findings):
+        raise LogRefusedError(findings)

@@ -180,7 +180,11 @@ FAULTS: tuple[Fault, ...] = (
         ),
         ("clamps that may be reached", "if combination in outermost:", "if not combination:"),
         ("delays that are judged", "if longest > _LONGEST_DELAY:", "if longest > 1e9:"),
-        ("a device that is pushed away", "    refuse_unbalanced(design.device)\n", ""),
+        (
+            "a device that is pushed away",
+            "    refuse_unbalanced(design.device, held=design.hand is not None)\n",
+            "",
+        ),
     ),
     *_of(
         "tune/certificate/certify.py",

@@ -231,6 +231,7 @@ def test_the_simulator_shares_no_algebra(path: Path) -> None:
         "identification.Device",
         "identification.Hardware",
         "identification.InvalidInputError",
+        "identification.Trajectories",
         "identification.Trajectory",
         "identification.load_device",
         "identification.to_yaml",

@@ -142,9 +142,9 @@ def _raising(error: BaseException) -> Callable[..., NoReturn]:
 INSIDE = {
     "demo": "datasets_synthetic.bundled_path",
     "new scene": "identification.write_files",
-    "identify log.csv": "identification.load_trajectory",
+    "identify log.csv": "identification.load_log",
     "tune homerehab scene.yaml": "tune.optimisation.optimise",
-    "calibrate log.csv --scene scene.yaml": "identification.load_trajectory",
+    "calibrate log.csv --scene scene.yaml": "identification.load_log",
     "check scene.yaml": "tune.certificate.check.check",
     "simulate homerehab": "datasets_synthetic.run",
 }

@@ -32,6 +32,7 @@ def missing(case: Case) -> str:
 
 #: Codes whose faulty log stands in another file of tests too.
 SHOWN_ELSEWHERE = {
+    "axes-not-told-apart",
     "backlash",
     "controller-identified",
     "delay-unknown",

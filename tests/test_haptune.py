@@ -98,6 +98,7 @@ CALLS: dict[str, Callable[[Any], object]] = {
     "load_device": identification.load_device,
     "load_document": lambda path: identification.load_document(tune.Scene, path),
     "load_excitation": identification.load_excitation,
+    "load_log": identification.load_log,
     "load_mapping": identification.load_mapping,
     "load_profile": tune.load_profile,
     "load_scene": tune.load_scene,
@@ -119,6 +120,7 @@ def folder(tmp_path: Path) -> Path:
         "load_device": identification.to_yaml(identification.to_mapping(device)),
         "load_document": FLUID,
         "load_excitation": form("excitation", "--device", "homerehab"),
+        "load_log": log_text(),
         "load_mapping": FLUID,
         "load_profile": profile,
         "load_scene": FLUID,
@@ -130,7 +132,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def _file(name: str) -> str:
-    return name + (".csv" if name == "load_trajectory" else ".yaml")
+    return name + (".csv" if name in {"load_log", "load_trajectory"} else ".yaml")
 
 
 def test_text_and_path_objects_name_the_same_file(folder: Path) -> None:

@@ -31,13 +31,13 @@ from identification.device.hardware import (
     missing_of,
     question,
 )
-from identification.device.pose import Pose
 from identification.device.quantities import (
     BOX_CONFIDENCE,
     LARGEST,
     AnyQuantity,
     Box,
     Covariance,
+    Pose,
     PositiveQuantity,
     Quantity,
     quantity,

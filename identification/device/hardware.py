@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Annotated, Any, Literal, cast, get_args
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from identification.device.quantities import (
@@ -19,11 +21,14 @@ from identification.device.quantities import (
     PositiveQuantity,
     Quantity,
     Source,
+    quantity,
 )
 from identification.documents import Document
-from identification.errors import Unstated, UnstatedError
-from identification.trajectory import Motion
+from identification.errors import Finding, Unstated, UnstatedError
+from identification.trajectory import LOST, NORMAL_95, Motion, Trajectory, finest_reading
 
+#: Part of the steps between stamps that the stored interval of the sample time holds.
+_PART = 0.95
 #: Characters of a name; more is a text.
 _LONGEST = 120
 #: s: a loop of 10 MHz.
@@ -256,3 +261,95 @@ def _hint(fact: Fact, item: object) -> str:
         return ""
     numbers = {name: _part(item, name) for name in ("value", "low", "high", "peak")}
     return _HINT[fact].format(**numbers)
+
+
+def mark_stated(known: Quantity | None) -> Quantity | None:
+    """What the hardware states, marked so; what it only assumes stays assumed."""
+    if known is None or known.source is not None:
+        return known
+    return known.model_copy(update={"source": "hardware"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SuggestedFacts:
+    """What logs suggest of the facts that a person has to state.
+
+    Attributes:
+        logs: the logs.
+        delays: read from them, s, each with its standard deviation; none where it was stated.
+    """
+
+    logs: tuple[Trajectory, ...]
+    delays: tuple[tuple[float, float], ...]
+
+    def sample_time(self, hardware: Hardware) -> Quantity:
+        """The sample time stated, or the mean and spread of the steps between stamps, s."""
+        known = mark_stated(hardware.sample_time)
+        if known is not None:
+            return known
+        logs = [np.asarray(log.steps) for log in self.logs]
+        # Lost rows are long steps of the log, not of the loop.
+        usual = [steps[steps <= LOST * np.median(steps)] for steps in logs]
+        means = [float(np.mean(steps)) for steps in usual]
+        low = min(float(np.quantile(steps, (1 - _PART) / 2)) for steps in usual)
+        high = max(float(np.quantile(steps, (1 + _PART) / 2)) for steps in usual)
+        value = float(np.mean(means))
+        return quantity(value, min(low, value), max(high, value), source="log")
+
+    def delay(self, hardware: Hardware) -> Quantity:
+        """The delay stated with what contradicts it, or what logs allow up to a sample at least.
+
+        A loop that computes between reading and commanding is later than one that plays a plan.
+        """
+        known = mark_stated(hardware.delay)
+        if known is not None and not self.delays:
+            return known
+        least = self.sample_time(Hardware()).value
+        low = min(value - NORMAL_95 * deviation for value, deviation in self.delays)
+        high = max(value + NORMAL_95 * deviation for value, deviation in self.delays)
+        if known is not None:  # contradicted: whichever is right
+            ends = {"low": max(min(low, known.low), 0.0), "high": max(high, known.high)}
+            return known.model_copy(update=ends)
+        value = max(value for value, _ in self.delays)
+        return quantity(max(value, least), max(low, 0.0), max(high, least), source="log")
+
+    def resolution(self) -> float:
+        """The coarsest of the finest readings of position, m (rad)."""
+        return max(finest_reading(log.position, log.force) for log in self.logs)
+
+    def force_limit(self) -> ForceLimit:
+        """The largest force logged, N (N·m); no limit of any actuator."""
+        peak = max(float(np.max(np.abs(log.force))) for log in self.logs)
+        return ForceLimit(continuous=peak, peak=peak, source="log")
+
+    def not_stated(self, hardware: Hardware | None) -> tuple[Finding, ...]:
+        """``not-stated``: facts that no hardware file states, and what the logs suggest of them.
+
+        Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
+        """
+        hardware = hardware or Hardware()
+        facts: list[str] = []
+        if self.logs[0].motion is None:
+            # Whether an axis turns cannot be seen: radians and metres are numbers.
+            travel = max(float(np.ptp(log.position)) for log in self.logs)
+            which = f"position spans {travel:.4g}, which may be m or rad"
+            facts.append(f"motion: linear or motion: rotary ({which})")
+        if hardware.force_limit is None:
+            reached = self.force_limit().peak
+            facts.append(f"force_limit (the log reaches {reached:.4g}, in its unit)")
+        if hardware.encoder_resolution is None:
+            facts.append(f"encoder_resolution ({self.resolution():.4g} by the log)")
+        if facts and hardware.delay is None:  # alone it need not be stated
+            given = self.delay(hardware)
+            facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
+        if not facts:
+            return ()
+        finding = Finding(
+            code="not-stated",
+            severity="warning",
+            seen="nobody states " + ", ".join(facts),
+            needed="facts from a data sheet, in N, m (N·m, rad) and s, before anything is "
+            "certified",
+            remedy="State them in the hardware file (--hardware).",
+        )
+        return (finding,)

@@ -14,13 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.filters import recursive
-from identification.trajectory import Trajectory, position_noise
+from identification.trajectory import LOST, Trajectory, position_noise
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.intp]
 
-#: A step longer than this many median steps has lost a sample.
-LOST = 1.5
 #: A delay this part of a sample beyond whole ones is whole: the rest is rounding of the stamps.
 _HARDLY = 1e-6
 #: The first row belongs to this sample, ...

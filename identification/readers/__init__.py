@@ -38,8 +38,7 @@ from identification.errors import (
     printable,
 )
 from identification.readers.columns import FloatArray, LogColumns, Reading, conversion_of, quote
-from identification.trajectories import Trajectories
-from identification.trajectory import Motion, Trajectory, refuse_sizes
+from identification.trajectory import Motion, Trajectories, Trajectory, refuse_sizes
 
 __all__ = ["LOG_ENDINGS", "LogColumns", "load_log", "load_trajectory"]
 

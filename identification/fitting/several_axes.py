@@ -14,33 +14,28 @@ from typing import Literal, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from identification._identify import (
-    Identification,
-    delay_of,
-    force_limit_of,
-    not_stated,
-    refuse,
-    resolution_of,
-    sample_time_of,
-    stated,
-    stored,
-)
 from identification.device.device import Device, ForceLimit, LogRecord
-from identification.device.hardware import Hardware
-from identification.device.pose import Pose
-from identification.device.quantities import Covariance, Quantity, quantity
-from identification.errors import Finding, LogRefusedError, UsageError
+from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
+from identification.device.quantities import Covariance, Pose, Quantity, quantity
+from identification.errors import Finding, LogRefusedError, UsageError, refuse
 from identification.estimators import Method
 from identification.estimators.filters import is_coloured
-from identification.estimators.joint import JointEstimate, JointLog, JointMethod, NoMassError
+from identification.estimators.joint import JointLog
+from identification.estimators.joint_fits import (
+    JointEstimate,
+    JointMethod,
+    NoMassError,
+    fit_jointly,
+    prepare_axes,
+)
 from identification.estimators.least_squares import find_delay, longest_delay, prepare
 from identification.estimators.motion import distinguishable_terms
 from identification.findings import inspect
 from identification.fitting import LogFit, fit_log
-from identification.trajectories import Trajectories
 from identification.trajectory import (
     MOST_FITTED,
     NORMAL_95,
+    Trajectories,
     Trajectory,
     encoder_count,
     refuse_sizes,
@@ -64,24 +59,72 @@ class _JointFit:
     reason: str
 
 
-def identify_axes(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxesFit:
+    """What logs of several axes said, one of each pose.
+
+    Attributes:
+        poses: the joint fit of each log.
+        logs: what each axis of each log shows alone.
+        records: of the logs, for the device.
+        findings: warnings, those allowed among them.
+    """
+
+    poses: tuple[_JointFit, ...]
+    logs: tuple[LogFit, ...]
+    records: tuple[LogRecord, ...]
+    findings: tuple[Finding, ...]
+
+    def device(self, hardware: Hardware | None) -> Device:
+        """The device all poses make: mass and damping over every direction, axes at their worst.
+
+        Raises ValidationError for numbers that no device has.
+        """
+        hardware = hardware or Hardware()
+        first, facts = self.poses[0].log, _suggested(self.logs)
+        poses = tuple(_pose(joint.estimate) for joint in self.poses)
+        by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
+        motion = first.motion or hardware.motion
+        return Device(
+            name=hardware.name,
+            axis=first.axis,
+            axes=first.names,
+            poses=poses,
+            serial=hardware.serial,
+            date=hardware.date,
+            operator=hardware.operator,
+            motion=motion or "linear",
+            missing=() if motion else ("motion",),
+            sample_time=facts.sample_time(hardware),
+            mass=_over_directions(poses, "mass"),
+            damping=_over_directions(poses, "damping"),
+            coulomb_friction=_range_of([np.maximum(rough, 0.0) for rough, _ in by_axis]),
+            force_offset=_range_of([offset for _, offset in by_axis]),
+            delay=facts.delay(hardware),
+            encoder_resolution=mark_stated(hardware.encoder_resolution)
+            or quantity(facts.resolution(), source="log"),
+            force_limit=hardware.force_limit or _weakest(first),
+            logs=self.records,
+        )
+
+
+def fit_axes(
     logs: Sequence[Trajectories], hardware: Hardware | None, method: Method, allow: Collection[str]
-) -> Identification:
-    """Identify a device of several axes from one log of all of them, or from one for each pose.
+) -> AxesFit:
+    """Estimate the matrices of a device from one log of all its axes, or from one for each pose.
 
     Arguments and errors are those of ``identify``; methods are "auto", "least-squares",
-    "instruments" and "output-error". ``logs`` of what it returns are those of each axis alone.
+    "instruments" and "output-error".
     """
     if method != "auto" and method not in get_args(JointMethod):
-        problem = f"{method} is for one axis"
         known = ", ".join(get_args(JointMethod))
-        raise UsageError("--method", problem, f"Choose from auto, {known}")
+        raise UsageError("--method", f"{method} is for one axis", f"Choose from auto, {known}")
     _check_axes(logs, hardware)
     for axis in (each for log in logs for each in log.axes):
         refuse_sizes(axis)
     noticed = [_inspected(log, hardware) for log in logs]
     refuse(noticed, allow)
-    fits = [_fitted(log, hardware, method) for log in logs]
+    fits = tuple(_fitted(log, hardware, method) for log in logs)
     noticed = [
         found
         + tuple(each.of(fit.trajectory.source) for fit in joint.alone for each in fit.findings)
@@ -89,26 +132,30 @@ def identify_axes(
         for found, joint in zip(noticed, fits, strict=True)
     ]
     refuse(noticed, allow)
-    alone = [fit for joint in fits for fit in joint.alone]
+    alone = tuple(replace(fit, reason=joint.reason) for joint in fits for fit in joint.alone)
     sources = ", ".join(log.source for log in logs)
-    missing = tuple(each.of(sources) for each in not_stated(alone, hardware))
-    records = [
+    missing = tuple(each.of(sources) for each in _suggested(alone).not_stated(hardware))
+    records = tuple(
         LogRecord(
             source=joint.log.source,
-            digest=joint.log.axes[0].digest,
+            digest=joint.log.digest,
             samples=len(joint.log),
             method=joint.estimate.method,
             findings=tuple(dict.fromkeys(each.code for each in (*found, *missing))),
             allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
-            read_as=joint.log.axes[0].read_as,
+            read_as=joint.log.read_as,
         )
         for joint, found in zip(fits, noticed, strict=True)
-    ]
+    )
     findings = tuple(replace(each, severity="warning") for found in noticed for each in found)
-    return Identification(
-        device=stored(alone, lambda: _device_from(fits, hardware, records)),
-        logs=tuple(replace(each, reason=joint.reason) for joint in fits for each in joint.alone),
-        findings=findings + missing,
+    return AxesFit(poses=fits, logs=alone, records=records, findings=findings + missing)
+
+
+def _suggested(alone: Sequence[LogFit]) -> SuggestedFacts:
+    delays = [fit.delay for fit in alone if fit.delay is not None]
+    return SuggestedFacts(
+        logs=tuple(fit.trajectory for fit in alone),
+        delays=tuple((each.value, each.deviation) for each in delays),
     )
 
 
@@ -145,13 +192,13 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
         delay, room = known.value, known.value + step
         doubt = (known.high - known.low) / (2 * NORMAL_95)
     try:
-        prepared = JointLog.of(log, delay, room, doubt)
+        prepared = prepare_axes(log, delay, room, doubt)
         estimate, reason = _chosen(prepared, method, fits_delay=known is None)
     except (NoMassError, np.linalg.LinAlgError):
         raise LogRefusedError((_no_mass().of(log.source),)) from None
     alone = tuple(
         fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")
-        for axis in prepared.alone(estimate).axes
+        for axis in prepared.alone(estimate.matrices, estimate.delay, estimate.positions).axes
     )
     return _JointFit(log=log, estimate=_widened(estimate, alone), alone=alone, reason=reason)
 
@@ -174,18 +221,22 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
     """The estimate to believe and a sentence why."""
     if method in get_args(JointMethod):
         asked = cast("JointMethod", method)
-        return prepared.fit(asked, fits_delay=fits_delay), f"{method.replace('-', ' ')} as asked"
+        return fit_jointly(
+            prepared, asked, fits_delay=fits_delay
+        ), f"{method.replace('-', ' ')} as asked"
     if isinstance(prepared.steps, float):
-        simulated = prepared.fit("output-error", fits_delay=fits_delay)
+        simulated = fit_jointly(prepared, "output-error", fits_delay=fits_delay)
         if all(
             _explained(residual, encoder_count(axis.position))
             for residual, axis in zip(simulated.residuals, prepared.log.axes, strict=True)
         ):
             return simulated, "output error, because noise of the encoders explains its residuals"
-        prepared = prepared.later(simulated) if fits_delay else prepared
+        if fits_delay:
+            known = simulated.delay_deviation or 0.0
+            prepared = replace(prepared, delay=simulated.delay, doubt=known)
     referenced = all(table.signals.reference is not None for table in prepared.tables)
     usual: JointMethod = "instruments" if referenced else "least-squares"
-    found = prepared.fit(usual)
+    found = fit_jointly(prepared, usual)
     why = "noise of the encoders does not explain what output error leaves"
     return found, f"{usual.replace('-', ' ')}, because {why}"
 
@@ -274,45 +325,10 @@ def _rows(matrix: FloatArray) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in ((matrix + matrix.T) / 2).tolist())
 
 
-def _device_from(
-    fits: Sequence[_JointFit], hardware: Hardware | None, records: Sequence[LogRecord]
-) -> Device:
-    """The device all poses make: mass and damping over every direction, axes at their worst."""
-    hardware = hardware or Hardware()
-    first = fits[0].log
-    alone = [fit for joint in fits for fit in joint.alone]
-    poses = tuple(_pose(joint.estimate) for joint in fits)
-    by_axis = [
-        [joint.estimate.model.friction(joint.estimate.values)[which] for joint in fits]
-        for which in (0, 1)
-    ]
-    limit = hardware.force_limit
-    return Device(
-        name=hardware.name,
-        axis=",".join(first.names),
-        axes=first.names,
-        poses=poses,
-        serial=hardware.serial,
-        date=hardware.date,
-        operator=hardware.operator,
-        motion=first.motion or hardware.motion or "linear",
-        missing=() if first.motion or hardware.motion else ("motion",),
-        sample_time=sample_time_of(alone, hardware),
-        mass=_over_directions(poses, "mass"),
-        damping=_over_directions(poses, "damping"),
-        coulomb_friction=_spread_of(by_axis[0], least=0.0),
-        force_offset=_spread_of(by_axis[1]),
-        delay=delay_of(alone, hardware),
-        encoder_resolution=stated(hardware.encoder_resolution)
-        or quantity(resolution_of(alone), source="log"),
-        force_limit=limit or _weakest(alone),
-        logs=tuple(records),
-    )
-
-
-def _weakest(alone: Sequence[LogFit]) -> ForceLimit:
+def _weakest(log: Trajectories) -> ForceLimit:
     """The least of the largest forces that the axes were logged with, N (N·m)."""
-    return min((force_limit_of([fit]) for fit in alone), key=lambda each: each.peak)
+    limits = [SuggestedFacts(logs=(axis,), delays=()).force_limit() for axis in log.axes]
+    return min(limits, key=lambda each: each.peak)
 
 
 def _over_directions(poses: Sequence[Pose], which: Literal["mass", "damping"]) -> Quantity:
@@ -323,8 +339,7 @@ def _over_directions(poses: Sequence[Pose], which: Literal["mass", "damping"]) -
     return quantity(value, min(ends), max(ends))
 
 
-def _spread_of(by_pose: Sequence[FloatArray], least: float | None = None) -> Quantity:
+def _range_of(by_pose: Sequence[FloatArray]) -> Quantity:
     """Mean and range over axes and poses."""
     found = np.concatenate(by_pose)
-    found = found if least is None else np.maximum(found, least)
     return quantity(float(found.mean()), float(found.min()), float(found.max()))

@@ -1,0 +1,383 @@
+"""Estimates of several axes together: filtered least squares, instruments, output error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.estimators.estimate import Spread, gauss_newton, spread
+from identification.estimators.instruments import explained_by_reference
+from identification.estimators.joint import JointLog, JointModel, Rows
+from identification.estimators.joint_motion import DevicesOfAxes
+from identification.estimators.least_squares import CUT_OFF_RANGE
+from identification.estimators.signals import (
+    unknown_intervals,
+)
+from identification.trajectory import Trajectories
+
+FloatArray = NDArray[np.float64]
+JointMethod = Literal["least-squares", "instruments", "output-error"]
+
+#: Steps of Gauss and Newton, and the part of a deviation (of the sum of squares over the variance
+#: of one) below which they end, ...
+_MOST_STEPS, _CONVERGED = 30, 0.1
+#: ... tries of each, ever shorter: the damping of Levenberg and Marquardt, and how it grows.
+_MOST_TRIES, _LEAST, _MORE = 8, 1e-3, 10.0
+#: Part of a size by which an entry is moved for the slope of the motion by it.
+_NUDGE = 1e-6
+#: ... and of a sample, by which the delay is.
+_LATER = 1e-3
+#: Change of a delay, in samples, for the slope of the estimates by it.
+_DELAY_STEP = 0.05
+#: Weights have settled when none changes by this part; an axis of this little mass has none.
+_WEIGHED, _SINGULAR = 0.01, 1e-9
+#: Intervals whose mean speed is where the search for the start speed begins.
+_FIRST_LOOK = 10
+#: Friction of an axis is estimated if least squares find this many deviations of it.
+_CLEAR = 3.0
+#: Directions this much weaker than the strongest carry nothing but rounding.
+_NOTHING = 1e-13
+#: Rates searched, per sample, as of one axis: there nothing of a motion is left after one.
+_FASTEST = 50.0
+
+
+class NoMassError(Exception):
+    """The mass matrix is not positive definite, so that there is no motion to simulate."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointEstimate:
+    """One method's answer for one log of several axes; SI units."""
+
+    method: JointMethod
+    model: JointModel
+    delay: float  # s, given or fitted
+    delay_deviation: float | None  # s; None if it was given
+    values: FloatArray  # shape (p,), in the order of ``model.parameters``
+    covariance: FloatArray  # shape (p, p)
+    degrees_of_freedom: float
+    residuals: tuple[FloatArray, ...]  # of each axis, N filtered or m
+    inflation: FloatArray  # shape (p,), variance inflation factors
+    positions: FloatArray | None = None  # simulated, m, shape (axes, n); None of filtered methods
+
+    def value(self, name: str) -> float:
+        """One unknown; 0 where the model leaves it out."""
+        names = self.model.parameters
+        return float(self.values[names.index(name)]) if name in names else 0.0
+
+    def deviation(self, name: str) -> float:
+        """Its standard deviation; 0 where the model leaves it out."""
+        names = self.model.parameters
+        if name not in names:
+            return 0.0
+        index = names.index(name)
+        return float(np.sqrt(self.covariance[index, index]))
+
+    @property
+    def matrices(self) -> tuple[FloatArray, FloatArray]:
+        """Λ, kg (kg·m²), and D, N·s/m (N·m·s/rad)."""
+        return self.model.matrices(self.values)
+
+
+def prepare_axes(log: Trajectories, delay: float, room: float, doubt: float) -> JointLog:
+    """A log at a delay, s, of this deviation, which may become as long as ``room``.
+
+    Friction of axes of which least squares find nothing but noise is left out.
+    """
+    prepared = JointLog.of(log, delay, room, doubt)
+    found = _filtered(prepared, "least-squares")
+    named = [f"coulomb_friction_{axis}" for axis in log.names]
+    kept = tuple(found.value(each) > _CLEAR * found.deviation(each) for each in named)
+    return prepared if kept == prepared.model.coulomb else prepared.with_friction(kept)
+
+
+def fit_jointly(
+    prepared: JointLog, method: JointMethod, *, fits_delay: bool = False
+) -> JointEstimate:
+    """The estimate of one method; output error fits the delay where it is asked to.
+
+    Raises NoMassError where least squares give no mass to start the others from.
+    """
+    if method == "output-error":
+        return _output_error(prepared, fits_delay=fits_delay)
+    found = _filtered(prepared, method)
+    if not prepared.doubt:
+        return found
+    # A delay of d looks like an added damping of -Λ·ω²·d.
+    step = _DELAY_STEP * prepared.tables[0].signals.step
+    late = replace(prepared, delay=prepared.delay + step)
+    slope = (late.solve() - prepared.solve()) / step
+    added = prepared.doubt**2 * np.outer(slope, slope)
+    return replace(found, covariance=found.covariance + added)
+
+
+def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
+    """Least squares, or the rows tested against columns that are free of the log's own noise.
+
+    What half and twice the cut-off move is one more standard deviation, as of one axis.
+    """
+    rows = Rows.of(prepared)
+    positions = _noise_free(prepared) if method == "instruments" else None
+    tests = None if positions is None else Rows.of(prepared, positions).columns
+
+    def solved(log: JointLog) -> FloatArray:
+        if positions is None:
+            return log.solve()
+        found = Rows.of(log)
+        return _tested(Rows.of(log, positions).columns, found.columns, found.target)
+
+    values, middle = solved(prepared), prepared.tables[0].cut_off.frequency
+    low, high = (
+        solved(prepared.at_cut_off(middle * factor))
+        for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
+    )
+    residual = rows.target - values @ rows.columns
+    tests = rows.columns if tests is None else tests
+    around = spread(rows.columns, residual, len(values), signal=rows.target, instruments=tests)
+    shift = (high - low) / 2
+    around = replace(around, covariance=around.covariance + np.outer(shift, shift))
+    by_axis = residual.reshape(-1, prepared.count) * rows.scale
+    return _estimate(prepared, method, values, around, tuple(by_axis.T))
+
+
+def _tested(tests: FloatArray, columns: FloatArray, target: FloatArray) -> FloatArray:
+    """Unknowns whose residual no instrument sees."""
+    sizes, norms = (np.sqrt(np.sum(each**2, axis=1)) for each in (tests, columns))
+    normal: FloatArray = (tests / sizes[:, None]) @ (columns / norms[:, None]).T
+    right: FloatArray = tests @ target / sizes
+    found: FloatArray = np.linalg.lstsq(normal, right)[0] / norms
+    return found
+
+
+def _noise_free(prepared: JointLog) -> list[FloatArray]:
+    """Positions that references explain, or, in open loop, those that the forces make."""
+    explained = [explained_by_reference(table) for table in prepared.tables]
+    if all(each is not None for each in explained):
+        return [each for each in explained if each is not None]
+    play = _Playing.of(prepared, fits_delay=False)
+    theta = play.start()
+    if not play.allowed(theta):
+        raise NoMassError
+    found = play.positions(theta[None])[0]
+    return list(np.concatenate((play.measured[: play.first], found)).T)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Playing:
+    """The motion of a log as a function of all unknowns, the delay and the starts."""
+
+    prepared: JointLog
+    fits_delay: bool
+    force: FloatArray  # N, shape (n, axes)
+    measured: FloatArray  # m, likewise
+    first: int  # sample from which on every force is known
+
+    @classmethod
+    def of(cls, prepared: JointLog, *, fits_delay: bool) -> _Playing:
+        """From what a prepared log holds; its steps are even."""
+        axes = prepared.log.axes
+        return cls(
+            prepared=prepared,
+            fits_delay=fits_delay,
+            force=np.stack([each.force for each in axes], axis=1),
+            measured=np.stack([each.position for each in axes], axis=1),
+            first=prepared.tables[0].known,
+        )
+
+    def start(self) -> FloatArray:
+        """Unknowns by least squares, then the delay if it is fitted, start speeds and places."""
+        prepared, first = self.prepared, self.first
+        values = prepared.solve()
+        named = len(prepared.model.pairs) * 2
+        rough = slice(named, named + sum(prepared.model.coulomb))
+        values[rough] = np.maximum(values[rough], self._sizes()[rough])
+        late = [prepared.delay] * self.fits_delay
+        return np.concatenate((values, late, self.starts()[0], self.measured[first]))
+
+    def _sizes(self) -> FloatArray:
+        """How far each unknown is moved for the slope of the motion by it."""
+        prepared, model = self.prepared, self.prepared.model
+        step = prepared.tables[0].signals.step
+        force = np.sqrt(np.mean(self.force**2, axis=0))
+        speed = np.array([np.sqrt(np.mean(each**2)) for each in prepared.speeds])
+        bend = np.array([np.sqrt(np.mean(each**2)) for each in prepared.bends])
+        ratios = [force / np.maximum(each, np.finfo(float).tiny) for each in (bend, speed)]
+        entries = [np.sqrt(each[i] * each[j]) for each in ratios for i, j in model.pairs]
+        rough = force[[*np.flatnonzero(model.coulomb)]]
+        return np.concatenate(
+            (
+                _NUDGE * np.concatenate((entries, rough, force)),
+                [_LATER * step] * self.fits_delay,
+                _NUDGE * speed,
+                _NUDGE * np.ptp(self.measured, axis=0),
+            )
+        )
+
+    def allowed(self, theta: FloatArray) -> bool:
+        """Whether it is a device, with friction, at a delay that the log knows the forces for."""
+        model = self.prepared.model
+        mass, damping = model.matrices(theta)
+        friction, _ = model.friction(theta)
+        size = np.sqrt(np.abs(np.diag(mass)))
+        if np.any(np.diag(mass) <= 0) or np.any(friction[[*np.flatnonzero(model.coulomb)]] <= 0):
+            return False
+        if np.linalg.eigvalsh(mass / np.outer(size, size))[0] <= _SINGULAR:
+            return False
+        step = self.prepared.tables[0].signals.step
+        rates = np.linalg.eigvals(np.linalg.solve(mass, damping)).real
+        if np.max(np.abs(rates)) * step > _FASTEST:
+            return False
+        return unknown_intervals(self.prepared.steps, self._delay(theta)) <= self.first
+
+    def within(self, theta: FloatArray) -> FloatArray:
+        """With a delay that is fitted not below zero."""
+        if self.fits_delay:
+            at = len(self.prepared.model.parameters)
+            theta = np.concatenate((theta[:at], [max(theta[at], 0.0)], theta[at + 1 :]))
+        return theta
+
+    def _delay(self, theta: FloatArray) -> float:
+        at = len(self.prepared.model.parameters)
+        return float(theta[at]) if self.fits_delay else self.prepared.delay
+
+    def positions(self, thetas: FloatArray) -> FloatArray:
+        """Positions from the first known sample on, m, shape (thetas, rows, axes)."""
+        model, count = self.prepared.model, self.prepared.count
+        matrices = [model.matrices(each) for each in thetas]
+        by_axis = [model.friction(each) for each in thetas]
+        devices = DevicesOfAxes(
+            mass=np.stack([mass for mass, _ in matrices]),
+            damping=np.stack([damping for _, damping in matrices]),
+            friction=np.stack([friction for friction, _ in by_axis]),
+            offset=np.stack([offset for _, offset in by_axis]),
+            delay=np.array([self._delay(each) for each in thetas]),
+            speed=thetas[:, -2 * count : -count],
+            place=thetas[:, -count:],
+        )
+        step = self.prepared.tables[0].signals.step
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = devices.positions(self.force, step, self.first)[self.first :]
+        return np.moveaxis(found, 1, 0)
+
+    def slopes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Positions, shape (rows, axes), and their slopes by every unknown, (k, rows, axes)."""
+        sizes = self._sizes()
+        found = self.positions(np.vstack((theta, theta + np.diag(sizes))))
+        return found[0], (found[1:] - found[0]) / sizes[:, None, None]
+
+    def starts(self) -> tuple[FloatArray, FloatArray]:
+        """Start speeds as the first positions show them, m/s, and how well they are known.
+
+        Friction stops a slow start at once, so that the motion after it does not tell its speed.
+        """
+        first, tables = self.first, self.prepared.tables
+        looked = slice(first, first + _FIRST_LOOK)
+        speeds = np.array([float(np.mean(each[looked])) for each in self.prepared.speeds])
+        bends = np.array([float(np.sqrt(np.mean(each**2))) for each in self.prepared.bends])
+        step = tables[0].signals.step
+        noise = np.array([table.signals.noise for table in tables])
+        return speeds, noise / (_FIRST_LOOK * step) + bends * _FIRST_LOOK * step
+
+    def weighed(
+        self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """What is left over its scale, shape (rows,), and its slopes, (k, rows).
+
+        Rows of all axes at one time lie beside each other; start speeds as seen come last.
+        """
+        count = self.prepared.count
+        seen, deviation = self.starts()
+        left = (self.left(positions) / scale).ravel()
+        beside = (seen - theta[-2 * count : -count]) / deviation
+        columns = np.zeros((len(theta), left.size + count))
+        columns[:, : left.size] = (slopes / scale).reshape(len(theta), -1)
+        columns[-2 * count : -count, left.size :] = np.diag(1 / deviation)
+        return np.append(left, beside), columns
+
+    def scale(self, positions: FloatArray) -> FloatArray:
+        """Rms of what is left of each axis, m, shape (axes,)."""
+        rest = np.sqrt(np.mean(self.left(positions) ** 2, axis=0))
+        return np.maximum(rest, np.finfo(float).eps * np.ptp(self.measured, axis=0))
+
+    def left(self, positions: FloatArray) -> FloatArray:
+        """What is measured less some positions, m, shape (rows, axes)."""
+        return self.measured[self.first :] - positions
+
+
+def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
+    """The unknowns whose exact motion comes nearest to the measured one.
+
+    Each axis is weighed by what is left of it; turns and rests are those of the motion itself.
+    """
+    play = _Playing.of(prepared, fits_delay=fits_delay)
+    theta = play.start()
+    if not play.allowed(theta):
+        raise NoMassError
+    scale, damped, improved = np.ones(prepared.count), 0.0, np.inf
+    positions, slopes = play.slopes(theta)
+    for _ in range(_MOST_STEPS):
+        before, scale = scale, play.scale(positions)
+        settled = bool(np.all(np.abs(scale / before - 1) < _WEIGHED))
+        residual, columns = play.weighed(theta, positions, slopes, scale)
+        move, gain = gauss_newton(columns, residual, _NOTHING)
+        if settled and min(gain, improved) <= _CONVERGED**2:
+            break
+        size = np.linalg.norm(columns, axis=1)
+        for _ in range(_MOST_TRIES):
+            if damped:  # Levenberg and Marquardt: shorter, and down the steepest slope
+                more = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
+                move, _ = gauss_newton(more, np.append(residual, np.zeros(len(size))), _NOTHING)
+            trial = play.within(theta + move)
+            if play.allowed(trial):
+                found = play.slopes(trial)
+                better, _ = play.weighed(trial, *found, scale)
+                improved = float(residual @ residual - better @ better)
+                if improved > 0:
+                    theta, (positions, slopes) = trial, found
+                    break
+            damped = max(_MORE * damped, _LEAST)
+        else:
+            break
+        damped = 0.0 if damped <= _LEAST else damped / _MORE
+    residual, columns = play.weighed(theta, positions, slopes, scale)
+    count, size = len(prepared.model.pairs), len(prepared.model.parameters)
+    signal = np.asarray(theta[:count] @ columns[:count], dtype=np.float64)
+    around = spread(columns, residual, size + fits_delay, signal=signal, instruments=columns)
+    left = play.left(positions)
+    return _estimate(
+        replace(prepared, delay=float(theta[size]) if fits_delay else prepared.delay),
+        "output-error",
+        theta[:size],
+        around,
+        tuple(left.T),
+        fits_delay=fits_delay,
+        positions=np.concatenate((play.measured[: play.first], positions)).T,
+    )
+
+
+def _estimate(
+    prepared: JointLog,
+    method: JointMethod,
+    values: FloatArray,
+    around: Spread,
+    residuals: tuple[FloatArray, ...],
+    *,
+    fits_delay: bool = False,
+    positions: FloatArray | None = None,
+) -> JointEstimate:
+    size = len(values)
+    return JointEstimate(
+        method=method,
+        model=prepared.model,
+        delay=prepared.delay,
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fits_delay else None,
+        values=values,
+        covariance=around.covariance[:size, :size],
+        degrees_of_freedom=around.degrees_of_freedom,
+        residuals=residuals,
+        inflation=around.inflation[:size],
+        positions=positions,
+    )

@@ -1,0 +1,90 @@
+"""Devices of two and three axes for tests: random ones, forces that tell their axes apart, logs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from datasets_synthetic import Motions, RigOfAxes
+
+FloatArray = NDArray[np.float64]
+
+STEP = 1e-3
+#: The device whose axes are not its principal ones: of 3 kg each, and of 2 and 4 kg.
+MASS = np.array([[3.0, 1.0], [1.0, 3.0]])
+DAMPING = np.array([[10.0, 2.0], [2.0, 12.0]])
+FRICTION = np.array([0.8, 0.7])
+HARDWARE = """\
+schema: haptune/hardware/1
+name: planar
+axes: [x, y]
+motion: linear
+sample_time: 0.001
+delay: 0.001
+encoder_resolution: 0.000006
+force_limit: {continuous: 9.0, peak: 28.0}
+"""
+
+
+def tangled(chance: np.random.Generator, axes: int, ratio: float, least: float) -> FloatArray:
+    """A symmetric matrix with eigenvalues from ``least`` to ``ratio`` times it."""
+    turned = np.linalg.qr(chance.standard_normal((axes, axes)))[0]
+    sizes = least * np.exp(chance.uniform(0, np.log(ratio), axes))
+    matrix = (turned * sizes) @ turned.T
+    return (matrix + matrix.T) / 2
+
+
+def forces(
+    chance: np.random.Generator, mass: FloatArray, damping: FloatArray, most: FloatArray, rows: int
+) -> FloatArray:
+    """A multisine of its own for each axis, N, shape (rows, axes), rising over a second."""
+    time = STEP * np.arange(rows)
+    found = np.zeros((rows, len(mass)))
+    for axis in range(len(mass)):
+        omega = 2 * np.pi * np.geomspace(0.3, 12, 14) * chance.uniform(0.95, 1.05, 14)
+        phase = chance.uniform(0, 2 * np.pi, 14)
+        size = np.hypot(omega * mass[axis, axis], damping[axis, axis])
+        size = size * np.sqrt(omega / (1 + (omega / 30) ** 2))
+        wave = np.sum(size[:, None] * np.sin(omega[:, None] * time + phase[:, None]), axis=0)
+        found[:, axis] = most[axis] * wave / np.max(np.abs(wave))
+    return found * np.minimum(1.0, time)[:, None]
+
+
+def motion(
+    mass: FloatArray,
+    damping: FloatArray,
+    friction: FloatArray,
+    *,
+    seed: int,
+    delay: float = STEP,
+    rows: int = 4000,
+    most: float = 12.0,
+    alike: bool = False,
+) -> Motions:
+    """One device driven along all axes; ``alike``: by one and the same force."""
+    chance = np.random.default_rng(seed)
+    axes = len(mass)
+    force = forces(chance, mass, damping, np.full(axes, most), rows)
+    if alike:
+        force[:] = force[:, :1]
+    rig = RigOfAxes(
+        mass=mass[None],
+        damping=damping[None],
+        sample_time=STEP,
+        delay=delay,
+        coulomb_friction=friction[None],
+        force_offset=chance.uniform(-0.05, 0.05, (1, axes)),
+        encoder_resolution=6e-6,
+        position_noise=5e-6,
+    )
+    return rig.run(force[None], seed=seed)
+
+
+def write_log(path: Path, seen: Motions, axes: str = "xy") -> None:
+    """The log of the first device as CSV."""
+    names = [f"{what}_{axis}" for what in ("force", "position") for axis in axes]
+    time = STEP * np.arange(seen.force.shape[1])
+    table = np.column_stack((time, seen.force[0], seen.position[0]))
+    np.savetxt(path, table, "%.9g", ",", header=",".join(["time", *names]), comments="")

@@ -23,9 +23,9 @@ JointMethod = Literal["least-squares", "instruments", "output-error"]
 
 #: Steps of Gauss and Newton, and the part of a deviation (of the sum of squares over the variance
 #: of one) below which they end, ...
-_MOST_STEPS, _CONVERGED = 30, 0.1
+_MOST_STEPS, _CONVERGED = 30, 0.2
 #: ... tries of each, ever shorter: the damping of Levenberg and Marquardt, and how it grows.
-_MOST_TRIES, _LEAST, _MORE = 8, 1e-3, 10.0
+_MOST_TRIES, _FIRST, _MORE = 10, 1e-5, 10.0
 #: Part of a size by which an entry is moved for the slope of the motion by it.
 _NUDGE = 1e-6
 #: ... and of a sample, by which the delay is.
@@ -276,10 +276,10 @@ class _Playing:
         first, tables = self.first, self.prepared.tables
         looked = slice(first, first + _FIRST_LOOK)
         speeds = np.array([float(np.mean(each[looked])) for each in self.prepared.speeds])
-        bends = np.array([float(np.sqrt(np.mean(each**2))) for each in self.prepared.bends])
+        bends = [float(np.sqrt(np.mean(each[looked] ** 2))) for each in self.prepared.bends]
         step = tables[0].signals.step
         noise = np.array([table.signals.noise for table in tables])
-        return speeds, noise / (_FIRST_LOOK * step) + bends * _FIRST_LOOK * step
+        return speeds, noise / (_FIRST_LOOK * step) + np.array(bends) * _FIRST_LOOK * step
 
     def weighed(
         self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray
@@ -338,10 +338,10 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
                 if improved > 0:
                     theta, (positions, slopes) = trial, found
                     break
-            damped = max(_MORE * damped, _LEAST)
+            damped = max(_MORE * damped, _FIRST)
         else:
             break
-        damped = 0.0 if damped <= _LEAST else damped / _MORE
+        damped = damped / _MORE if damped > _FIRST else 0.0
     residual, columns = play.weighed(theta, positions, slopes, scale)
     count, size = len(prepared.model.pairs), len(prepared.model.parameters)
     signal = np.asarray(theta[:count] @ columns[:count], dtype=np.float64)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from datasets_synthetic.device import Faults, Rig, named_rig
 from datasets_synthetic.law import Controller
-from datasets_synthetic.simulation import Recording, simulate
+from datasets_synthetic.simulation import Recording, RigOfAxes, simulate
 from identification import InvalidInputError, Trajectory, load_device, to_yaml
 
 FloatArray = NDArray[np.float64]
@@ -349,7 +349,7 @@ _TRUE = (
 
 
 def bundled_path(name: str) -> Path:
-    """A bundled file: homerehab.csv, homerehab.hardware.yaml or homerehab.truth.yaml.
+    """A bundled file: homerehab.csv, planar.csv, and hardware.yaml and truth.yaml of both.
 
     Raises:
         InvalidInputError: no such file, with the names there are.
@@ -393,13 +393,57 @@ def bundle_texts(scenario: Scenario) -> dict[str, str]:
     }
 
 
+#: HomeRehab played in a plane; the paper gives its mass, damping, encoder and force for one axis,
+#: the rest is an illustration.
+_PLANAR = RigOfAxes(
+    mass=np.array([[[3.3, 0.5], [0.5, 2.8]]]),
+    damping=np.array([[[10.5, 1.5], [1.5, 9.5]]]),
+    sample_time=0.001,
+    delay=0.001,
+    coulomb_friction=np.array([[0.8, 0.7]]),
+    encoder_resolution=6e-6,
+    position_noise=1e-6,
+)
+#: Samples of its log, and the most force on each axis, N.
+_PLANAR_SAMPLES, _PLANAR_FORCE = 4000, 12.0
+
+
+def planar_texts() -> dict[str, str]:
+    """File name → text of the log of a plane, of what is known before, and of the truth."""
+    alone = Rig(mass=3.0, damping=10.0, sample_time=_PLANAR.sample_time)
+    wave = multisine(alone, _PLANAR_SAMPLES)[0]
+    # The same lines backwards have other phases: they tell the axes apart.
+    force = np.round(_PLANAR_FORCE * np.stack((wave, wave[::-1]), axis=1), 4)
+    seen = _PLANAR.run(force[None], start=0.0, seed=1)
+    time = _PLANAR.sample_time * np.arange(_PLANAR_SAMPLES)
+    table = np.column_stack((time, seen.force[0], seen.position[0]))
+    lines = ["time,force_x,force_y,position_x,position_y"]
+    lines += [",".join(_decimal(float(value)) for value in row) for row in table]
+    facts = {"axes": ["x", "y"], "motion": "linear", "sample_time": 0.001, "delay": 0.001}
+    facts |= {"encoder_resolution": 6e-6, "force_limit": {"continuous": 14.0, "peak": 28.0}}
+    truth = {name: getattr(_PLANAR, name)[0].tolist() for name in ("mass", "damping")}
+    return {
+        "planar.csv": "\n".join(lines) + "\n",
+        "planar.hardware.yaml": to_yaml(
+            {"schema": "haptune/hardware/1", "name": "planar"} | facts,
+            "What is known before planar.csv is looked at.",
+        ),
+        "planar.truth.yaml": to_yaml(
+            truth | {"coulomb_friction": [0.8, 0.7]},
+            "What planar.csv was simulated from; SI units.",
+        ),
+    }
+
+
 def _decimal(value: float) -> str:
     text = f"{value:.{_DECIMALS}f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 if __name__ == "__main__":
+    texts = planar_texts()
     for bundled in _BUNDLED:
-        for file_name, text in bundle_texts(SCENARIOS[bundled]).items():
-            place = Path(str(files("datasets_synthetic").joinpath("logs"))) / file_name
-            place.write_text(text, encoding="utf-8", newline="\n")
+        texts |= bundle_texts(SCENARIOS[bundled])
+    for file_name, text in texts.items():
+        place = Path(str(files("datasets_synthetic").joinpath("logs"))) / file_name
+        place.write_text(text, encoding="utf-8", newline="\n")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -80,11 +78,3 @@ def motion(
         position_noise=5e-6,
     )
     return rig.run(force[None], seed=seed)
-
-
-def write_log(path: Path, seen: Motions, axes: str = "xy") -> None:
-    """The log of the first device as CSV."""
-    names = [f"{what}_{axis}" for what in ("force", "position") for axis in axes]
-    time = STEP * np.arange(seen.force.shape[1])
-    table = np.column_stack((time, seen.force[0], seen.position[0]))
-    np.savetxt(path, table, "%.9g", ",", header=",".join(["time", *names]), comments="")

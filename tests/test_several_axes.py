@@ -6,6 +6,7 @@ of the loop of all axes at once in a state space of this file's own.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import identification as ident
+from datasets_synthetic import bundled_path
+from datasets_synthetic.scenarios import planar_texts
 from identification import Device, Hardware, InvalidInputError, LogRefusedError, identify
 from tests.commands import haptune
 from tests.planar import (
@@ -25,24 +28,12 @@ from tests.planar import (
     STEP,
     motion,
     tangled,
-    write_log,
 )
 from tune import load_profile
 from tune.documents.profile import SafeProfile
 
 FloatArray = NDArray[np.float64]
 COLUMNS = ("--force", "force_x,force_y", "--position", "position_x,position_y")
-SCENE = """\
-schema: haptune/scene/1
-name: room
-loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0, filter_damping_ratio: 0.5}
-ripple_limit: 0.1
-elements:
-  wall: {stiffness: max, damping: max, one_sided: true, speed: 0.2}
-  water: {damping: 10.0}
-  cup: {mass: max, damping: 30.0}
-together: [[water, cup]]
-"""
 
 
 def hardware(**given: object) -> Hardware:
@@ -148,98 +139,110 @@ def test_poses_are_enveloped() -> None:
     assert box.mass[1] > 6.0
 
 
-def _poles(
-    profile: SafeProfile, gain: float, late: int, isotropic: FloatArray, wall: FloatArray, n: float
-) -> float:
-    """Largest pole of the loop of both axes but for those of free motion.
+class _Loop:
+    """Both axes, sampled, held, delayed and filtered, with one law on both and a wall."""
 
-    Gains are K, B and M; the wall's act along the direction at an angle n, the others everywhere.
-    """
-    filters, step = profile.loop, STEP
-    along = np.array([np.cos(n), np.sin(n)])
-    one, wall_only = np.eye(2), np.outer(along, along)
-    k, b, m = (gain * (iso * one + w * wall_only) for iso, w in zip(isotropic, wall, strict=True))
-    plant = np.zeros((6, 6))
-    plant[:2, 2:4] = one
-    plant[2:4, 2:4] = -np.linalg.solve(MASS, DAMPING)
-    plant[2:4, 4:] = np.linalg.inv(MASS)
-    held = expm(plant * step)
-    velocity, acceleration = filters.velocity_filter_hz, filters.acceleration_filter_hz
-    assert isinstance(velocity, float)
-    assert isinstance(acceleration, float)
-    a = np.exp(-2 * np.pi * velocity * step)
-    turn, ratio = 2 * np.pi * acceleration * step, filters.filter_damping_ratio
-    assert isinstance(ratio, float)
-    t = 2 * np.exp(-ratio * turn) * np.cos(np.sqrt(1 - ratio**2) * turn)
-    p = np.exp(-2 * ratio * turn)
-    # States: q, q̇, readings one and two ago, filtered velocity, acceleration now and before.
-    size, wait = 14, 1 + late
-    total = np.zeros((size + 2 * wait, size + 2 * wait))
-    q, v = slice(0, 2), slice(2, 4)
-    last, before = slice(4, 6), slice(6, 8)
-    slow, now, old = slice(8, 10), slice(10, 12), slice(12, 14)
-    # What the law makes of the state at a sample, as rows over the state.
-    rows = np.zeros((3, 2, size + 2 * wait))
-    rows[0][:, q] = one
-    rows[1][:, slow] = a * one
-    rows[1][:, q], rows[1][:, last] = (1 - a) / step * one, -(1 - a) / step * one
-    fresh = (1 - t + p) / step**2
-    rows[2][:, now], rows[2][:, old] = t * one, -p * one
-    rows[2][:, q], rows[2][:, last], rows[2][:, before] = fresh * one, -2 * fresh * one, fresh * one
-    force = -(k @ rows[0] + b @ rows[1] + m @ rows[2])
-    acting = slice(size, size + 2)
-    total[q, q], total[q, v], total[q, acting] = one, held[:2, 2:4], held[:2, 4:]
-    total[v, v], total[v, acting] = held[2:4, 2:4], held[2:4, 4:]
-    total[last, q], total[before, last] = one, one
-    total[slow], total[now], total[old, now] = rows[1], rows[2], one
-    for place in range(wait - 1):
-        total[size + 2 * place : size + 2 * place + 2, size + 2 * place + 2 :][:, :2] = one
-    total[size + 2 * wait - 2 :] = force
-    found = np.linalg.eigvals(total)
-    free = 2 - np.linalg.matrix_rank(k) if gain else 2
-    kept = found[np.argsort(np.abs(found - 1.0))][free:]
-    return float(np.max(np.abs(kept)))
+    def __init__(self, profile: SafeProfile, mass: FloatArray, damping: FloatArray) -> None:
+        one = np.eye(2)
+        plant = np.zeros((6, 6))
+        plant[:2, 2:4] = one
+        plant[2:4, 2:4] = -np.linalg.solve(mass, damping)
+        plant[2:4, 4:] = np.linalg.inv(mass)
+        self.held = expm(plant * STEP)
+        loop = profile.loop
+        velocity, acceleration = loop.velocity_filter_hz, loop.acceleration_filter_hz
+        assert isinstance(velocity, float)
+        assert isinstance(acceleration, float)
+        assert (loop.velocity_filter_order, loop.acceleration_filter_order) == (1, 2)
+        self.a = np.exp(-2 * np.pi * velocity * STEP)
+        turn, ratio = 2 * np.pi * acceleration * STEP, loop.filter_damping_ratio
+        self.t = 2 * np.exp(-ratio * turn) * np.cos(np.sqrt(1 - ratio**2) * turn)
+        self.p = np.exp(-2 * ratio * turn)
+
+    def largest_pole(
+        self, everywhere: FloatArray, wall: FloatArray, normal: float, late: int
+    ) -> float:
+        """Largest modulus of a pole but for those of free motion; gains are K, B and M."""
+        along = np.array([np.cos(normal), np.sin(normal)])
+        one = np.eye(2)
+        k, b, m = (
+            g * one + w * np.outer(along, along) for g, w in zip(everywhere, wall, strict=True)
+        )
+        # States: q, q̇, readings one and two ago, filtered velocity, acceleration now and before.
+        size, wait = 14, 1 + late
+        q, v, last, before, slow, now, old = (slice(i, i + 2) for i in range(0, size, 2))
+        rows = np.zeros((3, 2, size + 2 * wait))
+        rows[0][:, q] = one
+        rows[1][:, slow] = self.a * one
+        rows[1][:, q] = (1 - self.a) / STEP * one
+        rows[1][:, last] = -rows[1][:, q]
+        fresh = (1 - self.t + self.p) / STEP**2
+        rows[2][:, now], rows[2][:, old] = self.t * one, -self.p * one
+        rows[2][:, q], rows[2][:, last], rows[2][:, before] = (
+            fresh * one,
+            -2 * fresh * one,
+            fresh * one,
+        )
+        total = np.zeros((size + 2 * wait, size + 2 * wait))
+        acting = slice(size, size + 2)
+        total[q, q], total[q, v], total[q, acting] = one, self.held[:2, 2:4], self.held[:2, 4:]
+        total[v, v], total[v, acting] = self.held[2:4, 2:4], self.held[2:4, 4:]
+        total[last, q], total[before, last] = one, one
+        total[slow], total[now], total[old, now] = rows[1], rows[2], one
+        for place in range(wait - 1):
+            start = size + 2 * place
+            total[start : start + 2, start + 2 : start + 4] = one
+        total[-2:] = -(k @ rows[0] + b @ rows[1] + m @ rows[2])
+        found = np.linalg.eigvals(total)
+        free = 2 - np.linalg.matrix_rank(k)
+        return float(np.max(np.abs(found[np.argsort(np.abs(found - 1.0))][free:])))
 
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with a log of two axes and what the commands made of it."""
+    """A folder with the bundled log of two axes and what the demo makes of it."""
     folder = tmp_path_factory.mktemp("planar")
-    write_log(folder / "log.csv", motion(MASS, DAMPING, FRICTION, seed=1))
-    (folder / "hardware.yaml").write_text(HARDWARE, encoding="utf-8")
-    (folder / "scene.yaml").write_text(SCENE, encoding="utf-8")
+    shutil.copy(bundled_path("planar.csv"), folder / "log.csv")
+    shutil.copy(bundled_path("planar.hardware.yaml"), folder / "hardware.yaml")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        known = ("--hardware", "hardware.yaml")
-        ended = haptune("identify", "log.csv", *COLUMNS, *known, "-o", "device.yaml")
+        ended = haptune("demo", "--planar")
         assert ended.code == 0, ended.err
-        assert "along (0.7" in ended.out
-        ended = haptune("tune", "device.yaml", "scene.yaml", "-o", "profile.yaml")
-        assert ended.code == 0, ended.err
+        assert "along (0.8" in ended.out
         yield folder
+
+
+def test_the_bundled_log_is_what_it_is_said_to_be() -> None:
+    for name, text in planar_texts().items():
+        assert bundled_path(name).read_text(encoding="utf-8") == text
 
 
 def test_what_is_tuned_is_stable_in_every_direction(room: Path) -> None:
     """Poles of both axes at once, with every wall normal, gain and delay that is claimed."""
+    truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
+    mass, damping = np.array(truth["mass"]), np.array(truth["damping"])
     profile = load_profile(room / "profile.yaml")
-    gains = {
-        name: np.array([each.stiffness, each.damping, each.mass])
-        for name, each in profile.elements.items()
-    }
-    assert gains["wall"][0] > 5_000
-    assert gains["cup"][2] > 0.2
-    nothing = np.zeros(3)
-    fluids = [nothing, gains["water"], gains["cup"], gains["water"] + gains["cup"]]
-    worst = 0.0
-    for late in (0, 1):
-        for gain in (0.01, 0.1, 0.5, 1.0, 1.5, 2.0):
-            for normal in np.linspace(0, np.pi, 50, endpoint=False):
-                worst = max(worst, _poles(profile, gain, late, nothing, gains["wall"], normal))
-            for fluid in fluids[1:]:
-                worst = max(worst, _poles(profile, gain, late, fluid, nothing, 0.0))
+    elements = profile.elements
+    gains = {n: np.array([e.stiffness, e.damping, e.mass]) for n, e in elements.items()}
+    assert gains["wall"][0] > 10_000
+    assert gains["cup"][2] > 1.0
+    box = profile.device.simultaneous_box()
+    assert box.mass[0] < np.linalg.eigvalsh(mass)[0]
+    assert np.linalg.eigvalsh(mass)[-1] < box.mass[1]
+    loop = _Loop(profile, mass, damping)
+    worst, normals = 0.0, np.linspace(0, np.pi, 50, endpoint=False)
+    for names in profile.combinations():
+        walls = sum((gains[n] for n in names if elements[n].one_sided), np.zeros(3))
+        others = sum((gains[n] for n in names if not elements[n].one_sided), np.zeros(3))
+        for late in (0, 1):
+            for gain in (0.01, 0.1, 0.5, 1.0, 2.0):
+                for normal in normals if walls.any() else normals[:1]:
+                    found = loop.largest_pole(gain * others, gain * walls, normal, late)
+                    worst = max(worst, found)
     assert worst < 1
-    # The limit is near: three times the gain is not stable along the lightest direction.
-    assert _poles(profile, 4.0, 1, nothing, gains["wall"], 3 * np.pi / 4) > 1
+    # The limit is near: four times the gain is not stable along the lightest direction.
+    along = float(np.arctan2(*np.linalg.eigh(mass)[1][::-1, 0]))
+    assert loop.largest_pole(np.zeros(3), 4 * gains["wall"], along, 1) > 1
 
 
 def test_a_profile_of_several_axes_goes_on_to_a_guard(
@@ -261,7 +264,10 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
 
 def test_a_hand_on_several_axes_is_refused(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(room)
-    Path("held.yaml").write_text(f"{SCENE}hand: free-to-rigid\n", encoding="utf-8")
+    text = (
+        Path("scene.yaml").read_text(encoding="utf-8").replace("hand: none", "hand: free-to-rigid")
+    )
+    Path("held.yaml").write_text(text, encoding="utf-8")
     ended = haptune("tune", "device.yaml", "held.yaml", "-o", "held-profile.yaml")
     assert ended.code == 5
     assert "a hand holds a device of 2 axes" in ended.err

@@ -2,7 +2,8 @@
 
 The matrices are estimated jointly. What an axis would have shown alone, its force less what moves
 the others, is then looked at as any log of one axis: excitation, friction, hands, delays. What that
-makes doubtful of an axis widens its entries.
+makes doubtful of an axis widens its entries, unless noise of the encoders explains all that is
+left.
 """
 
 from __future__ import annotations
@@ -200,7 +201,9 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
         fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")
         for axis in prepared.alone(estimate.matrices, estimate.delay, estimate.positions).axes
     )
-    return _JointFit(log=log, estimate=_widened(estimate, alone), alone=alone, reason=reason)
+    if not _explained(estimate, log):
+        estimate = _widened(estimate, alone)
+    return _JointFit(log=log, estimate=estimate, alone=alone, reason=reason)
 
 
 def _most_excited(log: Trajectories) -> Trajectories:
@@ -226,10 +229,7 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
         ), f"{method.replace('-', ' ')} as asked"
     if isinstance(prepared.steps, float):
         simulated = fit_jointly(prepared, "output-error", fits_delay=fits_delay)
-        if all(
-            _explained(residual, encoder_count(axis.position))
-            for residual, axis in zip(simulated.residuals, prepared.log.axes, strict=True)
-        ):
+        if _explained(simulated, prepared.log):
             return simulated, "output error, because noise of the encoders explains its residuals"
         if fits_delay:
             known = simulated.delay_deviation or 0.0
@@ -241,9 +241,16 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
     return found, f"{usual.replace('-', ' ')}, because {why}"
 
 
-def _explained(residual: FloatArray, count: float | None) -> bool:
-    rms = float(np.sqrt(np.mean(residual**2)))
-    return not is_coloured(residual) or rms <= _ENCODER_RESIDUAL * (count or 0.0)
+def _explained(estimate: JointEstimate, log: Trajectories) -> bool:
+    """Whether noise of the encoders explains all that output error leaves of every axis."""
+    if estimate.method != "output-error":
+        return False
+    for residual, axis in zip(estimate.residuals, log.axes, strict=True):
+        count = encoder_count(axis.position) or 0.0
+        rms = float(np.sqrt(np.mean(residual**2)))
+        if is_coloured(residual) and rms > _ENCODER_RESIDUAL * count:
+            return False
+    return True
 
 
 def _widened(estimate: JointEstimate, alone: Sequence[LogFit]) -> JointEstimate:

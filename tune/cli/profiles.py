@@ -6,7 +6,7 @@ import os
 import re
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -128,17 +128,26 @@ def calibrate_command(
 
 
 @command()
-def demo_command(session: Session) -> None:
+def demo_command(
+    session: Session,
+    *,
+    planar: Annotated[
+        bool, Option("--planar", help="The log of a device of two axes, driven together.")
+    ] = False,
+) -> None:
     """Bundled log → device.yaml → scene.yaml → profile.yaml, with tables and two pictures."""
     from datasets_synthetic import bundled_path
     from tune.presentation.pictures import profile_picture
 
     for name in _FILES:
         session.target(Path(name))
-    log = bundled_path("homerehab.csv")
-    hardware = bundled_path("homerehab.hardware.yaml")
+    name = "planar" if planar else "homerehab"
+    columns = ident.LogColumns()
+    if planar:
+        columns = replace(columns, force="force_x,force_y", position="position_x,position_y")
+    log, hardware = bundled_path(f"{name}.csv"), bundled_path(f"{name}.hardware.yaml")
     session.say(f"log: {log}")
-    found = identify_logs(session, [log], ident.LogColumns(), hardware, "auto", [], brief=True)
+    found = identify_logs(session, [log], columns, hardware, "auto", [], brief=not planar)
     session.write(
         Path("device.yaml"), ident.to_yaml(ident.to_mapping(found.device), DEVICE_COMMENT)
     )

@@ -121,7 +121,7 @@ def identified_picture(
     grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
     parts: list[SubFigure] = list(grid[:, 0])
     for part, fit in zip(parts, fits, strict=False):
-        _draw_log(part, device, fit)
+        _draw_log(part, device.along(fit.trajectory.axis), fit)
     _draw_intervals(parts[-1].subplots(1, len(_SYMBOLS)), lines, _units_of_symbols(device))
     return figure
 

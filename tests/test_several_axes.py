@@ -189,8 +189,7 @@ class _Loop:
         total[v, v], total[v, acting] = self.held[2:4, 2:4], self.held[2:4, 4:]
         total[last, q], total[before, last] = one, one
         total[slow], total[now], total[old, now] = rows[1], rows[2], one
-        for place in range(wait - 1):
-            start = size + 2 * place
+        for start in range(size, size + 2 * wait - 2, 2):
             total[start : start + 2, start + 2 : start + 4] = one
         total[-2:] = -(k @ rows[0] + b @ rows[1] + m @ rows[2])
         found = np.linalg.eigvals(total)
@@ -260,6 +259,16 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
     assert ended.code == 0, ended.err
     ended = haptune("report", "profile.yaml", "log.csv", *COLUMNS, "-o", "report.html", "--quiet")
     assert ended.code == 0, ended.err
+
+
+def test_several_axes_are_not_compared_with_a_log_of_one(
+    room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(room)
+    columns = ("--force", "force_x", "--position", "position_x")
+    ended = haptune("verify", "profile.yaml", "log.csv", *columns)
+    assert ended.code == 2
+    assert "of 2 axes" in ended.err
 
 
 def test_a_hand_on_several_axes_is_refused(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -432,6 +432,23 @@ class Device(Document):
             freedom = self.covariance.degrees_of_freedom
         return widening(count, freedom, confidence)
 
+    def along(self, axis: str) -> Device:
+        """One axis of several as if the others never moved, by the first pose."""
+        if self.axes is None or self.poses is None or axis not in self.axes:
+            return self
+        place, pose = self.axes.index(axis), self.poses[0]
+        rough, offset = pose.coulomb_friction[place], pose.force_offset[place]
+        changes = {
+            "axis": axis,
+            "axes": None,
+            "poses": None,
+            "mass": quantity(pose.mass[place][place]),
+            "damping": quantity(pose.damping[place][place]),
+            "coulomb_friction": quantity(rough),
+            "force_offset": quantity(offset),
+        }
+        return self.model_copy(update=changes)
+
     @property
     def slope_at_zero(self) -> float:
         """Slope of the force by position where the position is zero, k + gs, N/m; best estimate."""

@@ -26,6 +26,9 @@ JointMethod = Literal["least-squares", "instruments", "output-error"]
 _MOST_STEPS, _CONVERGED = 30, 0.2
 #: ... tries of each, ever shorter: the damping of Levenberg and Marquardt, and how it grows.
 _MOST_TRIES, _FIRST, _MORE = 10, 1e-5, 10.0
+#: What more a step promises, in variances of a residual, than a search that has ended; how often
+#: the whole of such a step is taken, be it for the worse at first.
+_BARRED, _MOST_JUMPS = 10.0, 3
 #: Part of a size by which an entry is moved for the slope of the motion by it.
 _NUDGE = 1e-6
 #: ... and of a sample, by which the delay is.
@@ -316,33 +319,44 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
     theta = play.start()
     if not play.allowed(theta):
         raise NoMassError
-    scale, damped, improved = np.ones(prepared.count), 0.0, np.inf
-    positions, slopes = play.slopes(theta)
+    (positions, slopes), scale = play.slopes(theta), np.ones(prepared.count)
+    best, least = (theta, positions, slopes), np.inf
+    damped, improved, jumps = 0.0, np.inf, 0
     for _ in range(_MOST_STEPS):
         before, scale = scale, play.scale(positions)
+        if np.sum(np.log(scale)) < least:
+            best, least = (theta, positions, slopes), float(np.sum(np.log(scale)))
         settled = bool(np.all(np.abs(scale / before - 1) < _WEIGHED))
         residual, columns = play.weighed(theta, positions, slopes, scale)
         move, gain = gauss_newton(columns, residual, _NOTHING)
-        if settled and min(gain, improved) <= _CONVERGED**2:
-            break
-        size = np.linalg.norm(columns, axis=1)
-        for _ in range(_MOST_TRIES):
-            if damped:  # Levenberg and Marquardt: shorter, and down the steepest slope
-                more = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
-                move, _ = gauss_newton(more, np.append(residual, np.zeros(len(size))), _NOTHING)
+        found, trial = None, theta
+        if not settled or min(gain, improved) > _CONVERGED**2:
+            size = np.linalg.norm(columns, axis=1)
+            for _ in range(_MOST_TRIES):
+                short = move
+                if damped:  # Levenberg and Marquardt: shorter, and down the steepest slope
+                    more = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
+                    still = np.append(residual, np.zeros(len(size)))
+                    short, _ = gauss_newton(more, still, _NOTHING)
+                trial = play.within(theta + short)
+                if play.allowed(trial):
+                    found = play.slopes(trial)
+                    better, _ = play.weighed(trial, *found, scale)
+                    improved = float(residual @ residual - better @ better)
+                    if improved > 0:
+                        break
+                    found = None
+                damped = max(_MORE * damped, _FIRST)
+            damped = damped / _MORE if damped > _FIRST else 0.0
+        if found is None:
+            # A rest that comes and goes bars the way to what the slopes promise: once across it.
             trial = play.within(theta + move)
-            if play.allowed(trial):
-                found = play.slopes(trial)
-                better, _ = play.weighed(trial, *found, scale)
-                improved = float(residual @ residual - better @ better)
-                if improved > 0:
-                    theta, (positions, slopes) = trial, found
-                    break
-            damped = max(_MORE * damped, _FIRST)
-        else:
-            break
-        damped = damped / _MORE if damped > _FIRST else 0.0
-    residual, columns = play.weighed(theta, positions, slopes, scale)
+            if gain <= _BARRED or jumps == _MOST_JUMPS or not play.allowed(trial):
+                break
+            found, damped, improved, jumps = play.slopes(trial), 0.0, np.inf, jumps + 1
+        theta, (positions, slopes) = trial, found
+    theta, positions, slopes = best
+    residual, columns = play.weighed(theta, positions, slopes, play.scale(positions))
     count, size = len(prepared.model.pairs), len(prepared.model.parameters)
     signal = np.asarray(theta[:count] @ columns[:count], dtype=np.float64)
     around = spread(columns, residual, size + fits_delay, signal=signal, instruments=columns)

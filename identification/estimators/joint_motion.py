@@ -184,20 +184,33 @@ class _Run:
         """Place, speed and sense of all after a span under a held force, through every turn."""
         left, sense = span.copy(), sense.copy()
         for _ in range(_MOST_EVENTS):
-            self._break_away(speed, sense, pull)
-            gone, later, _ = self._moved(speed, sense, pull, left)
+            needed = self._break_away(speed, sense, pull)
+            gone, later, bend = self._moved(speed, sense, pull, left)
             back = later * sense < 0
-            turning = np.flatnonzero(back.any(axis=1))
-            if not turning.size:
+            stuck = self.rough & (sense == 0)
+            ends = self._needed(later, bend, pull) if stuck.any() else needed
+            loose = stuck & (np.abs(ends) > self.grip)
+            which = np.flatnonzero((back | loose).any(axis=1))
+            if not which.size:
                 return place + gone, later, sense
-            instant, axis = self._first_rest(speed, sense, pull, left, later, back, turning)
+            instant = self._rests(speed, sense, pull, left, later, back)
+            # What holds an axis changes all but evenly within a sample.
+            spare, more = self.grip - np.abs(needed), np.abs(ends) - np.abs(needed)
+            part = np.clip(spare / np.where(loose, more, 1.0), 0.0, 1.0)
+            instant = np.where(loose, part * left[:, None], instant)[which]
+            axis = np.argmin(instant, axis=1)
             until = left.copy()
-            until[turning] = instant
+            until[which] = instant[np.arange(len(which)), axis]
             gone, later, _ = self._moved(speed, sense, pull, until)
             place, speed, left = place + gone, later, left - until
-            speed[turning, axis] = sense[turning, axis] = 0.0
+            speed[which, axis] = 0.0
+            sense[which, axis] = np.where(loose, np.sign(ends), 0.0)[which, axis]
         gone, later, _ = self._moved(speed, sense, pull, left)
         return place + gone, later, sense
+
+    def _needed(self, speed: FloatArray, bend: FloatArray, pull: FloatArray) -> FloatArray:
+        """Force that friction has to give each axis for this acceleration, N."""
+        return pull - _times(self.devices.mass, bend) - _times(self.devices.damping, speed)
 
     def _moved(
         self, speed: FloatArray, sense: FloatArray, pull: FloatArray, span: FloatArray
@@ -216,22 +229,27 @@ class _Run:
             found[:, which] = pattern.moved(which, speed[which], push[which], span[which])
         return found[0], found[1], found[2]
 
-    def _break_away(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> None:
-        """Give what friction cannot hold any longer its sense, the most pulled axis first."""
+    def _break_away(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
+        """Give what friction cannot hold any longer its sense, the most pulled axis first.
+
+        Returns the force that holds what is stuck, N, zero where nothing is.
+        """
+        needed = np.zeros_like(speed)
         for _ in range(speed.shape[1]):
             stuck = self.rough & (sense == 0)
             if not stuck.any():
-                return
+                break
             _, _, bend = self._moved(speed, sense, pull, np.zeros(len(speed)))
-            needed = pull - _times(self.devices.mass, bend) - _times(self.devices.damping, speed)
+            needed = self._needed(speed, bend, pull)
             excess = np.where(stuck, np.abs(needed) - self.grip, 0.0)
             axis = np.argmax(excess, axis=1)
             free = np.flatnonzero(excess[np.arange(len(axis)), axis] > 0)
             if not free.size:
-                return
+                break
             sense[free, axis[free]] = np.sign(needed[free, axis[free]])
+        return needed
 
-    def _first_rest(
+    def _rests(
         self,
         speed: FloatArray,
         sense: FloatArray,
@@ -239,14 +257,14 @@ class _Run:
         left: FloatArray,
         later: FloatArray,
         back: NDArray[np.bool_],
-        turning: Indices,
-    ) -> tuple[FloatArray, Indices]:
-        """When the first axis of each turning device comes to rest, s, and which."""
-        instant = np.full((len(turning), speed.shape[1]), np.inf)
-        for axis in np.flatnonzero(back[turning].any(axis=0)):
-            some = turning[back[turning, axis]]
+    ) -> FloatArray:
+        """When each axis of each device comes to rest, s; infinite where it does not."""
+        instant = np.full(speed.shape, np.inf)
+        for axis in np.flatnonzero(back.any(axis=0)):
+            some = np.flatnonzero(back[:, axis])
             start, end = speed[some, axis], later[some, axis]
-            time = left[some] * start / (start - end)
+            # What has just broken away begins at zero: its return is looked for from the end.
+            time = left[some] * np.where(start == 0, 1.0, start / (start - end))
             for _ in range(_NEWTON_STEPS):
                 span = left.copy()
                 span[some] = time
@@ -254,9 +272,8 @@ class _Run:
                 slope = bend[some, axis]
                 slope = np.where(slope == 0, np.inf, slope)
                 time = np.clip(time - now[some, axis] / slope, 0.0, left[some])
-            instant[back[turning, axis], axis] = time
-        axis = np.argmin(instant, axis=1)
-        return instant[np.arange(len(turning)), axis], axis
+            instant[some, axis] = time
+        return instant
 
 
 @dataclass(frozen=True, slots=True)

@@ -250,6 +250,9 @@ def _check_request(
     profile: Design, trajectory: Trajectory, gain: float | None, release: float | None
 ) -> None:
     device = profile.device
+    if device.axes is not None:
+        what = f"the profile is of {len(device.axes)} axes"
+        raise UsageError("profile", what, "Only profiles of one axis are compared with logs")
     for name, seen, known in (
         ("--axis", trajectory.axis, device.axis),
         ("motion", trajectory.motion, device.motion),

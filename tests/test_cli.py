@@ -11,7 +11,7 @@ from identification import load_device
 from tests.commands import FLUID, files, haptune
 
 COMMANDS = {
-    "demo": "--json --quiet --verbose",
+    "demo": "--planar --json --quiet --verbose",
     "new": "--device --output --language --dry-run --json --quiet --verbose",
     "doctor": "--time --time-gain --force --position --reference --force-gain --position-gain "
     "--axis --decimal --hardware --allow --picture --json --quiet --verbose",

@@ -29,6 +29,8 @@ _MOST_TRIES, _FIRST, _MORE = 10, 1e-5, 10.0
 #: What more a step promises, in variances of a residual, than a search that has ended; how often
 #: the whole of such a step is taken, be it for the worse at first.
 _BARRED, _MOST_JUMPS = 10.0, 3
+#: Steps that gain less than this end it, so many after one another.
+_SLOW, _MOST_SLOW = 0.5, 3
 #: Part of a size by which an entry is moved for the slope of the motion by it.
 _NUDGE = 1e-6
 #: ... and of a sample, by which the delay is.
@@ -321,7 +323,7 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
         raise NoMassError
     (positions, slopes), scale = play.slopes(theta), np.ones(prepared.count)
     best, least = (theta, positions, slopes), np.inf
-    damped, improved, jumps = 0.0, np.inf, 0
+    damped, improved, jumps, slow = 0.0, np.inf, 0, 0
     for _ in range(_MOST_STEPS):
         before, scale = scale, play.scale(positions)
         if np.sum(np.log(scale)) < least:
@@ -330,9 +332,9 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
         residual, columns = play.weighed(theta, positions, slopes, scale)
         move, gain = gauss_newton(columns, residual, _NOTHING)
         found, trial = None, theta
-        if not settled or min(gain, improved) > _CONVERGED**2:
+        if not settled or (min(gain, improved) > _CONVERGED**2 and slow < _MOST_SLOW):
             size = np.linalg.norm(columns, axis=1)
-            for _ in range(_MOST_TRIES):
+            for tried in range(_MOST_TRIES):
                 short = move
                 if damped:  # Levenberg and Marquardt: shorter, and down the steepest slope
                     more = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
@@ -344,10 +346,12 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
                     better, _ = play.weighed(trial, *found, scale)
                     improved = float(residual @ residual - better @ better)
                     if improved > 0:
+                        slow = slow + 1 if settled and improved < _SLOW else 0
+                        if not tried:  # what was just found too far is not tried again
+                            damped = damped / _MORE if damped > _FIRST else 0.0
                         break
                     found = None
                 damped = max(_MORE * damped, _FIRST)
-            damped = damped / _MORE if damped > _FIRST else 0.0
         if found is None:
             # A rest that comes and goes bars the way to what the slopes promise: once across it.
             trial = play.within(theta + move)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 import identification as ident
-from datasets_synthetic import bundled_path
+from datasets_synthetic import RigOfAxes, bundled_path
 from datasets_synthetic.scenarios import planar_texts
 from identification import Device, Hardware, InvalidInputError, LogRefusedError, identify
 from tests.commands import haptune
+from tests.guard import built, enter, push
 from tests.planar import (
     DAMPING,
     FRICTION,
@@ -29,7 +30,7 @@ from tests.planar import (
     motion,
     tangled,
 )
-from tune import load_profile
+from tune import export, load_profile
 from tune.documents.profile import SafeProfile
 
 FloatArray = NDArray[np.float64]
@@ -318,3 +319,65 @@ def test_device_files_that_contradict_themselves_are_refused(
     content = {key: item for key, item in content.items() if item is not None}
     with pytest.raises(InvalidInputError, match=sentence):
         ident.parse_document(Device, content, "device.yaml")
+
+
+def test_guards_of_all_axes_and_walls_make_nothing_grow(room: Path) -> None:
+    """Compiled guards, one an axis and one a wall, on the true device without friction.
+
+    A room that stands askew, a fluid on each axis switched at any moment: however fast it comes in,
+    the device ends slower, and no guard gives more than the peak.
+    """
+    profile = load_profile(room / "profile.yaml")
+    truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
+    rig = RigOfAxes(
+        mass=np.array([truth["mass"]]),
+        damping=np.array([truth["damping"]]),
+        sample_time=STEP,
+        delay=STEP,
+        encoder_resolution=6e-6,
+    )
+    files = export(profile, "c")
+    bits = {name: 1 << place for place, name in enumerate(profile.elements)}
+    #: Directions along which a guard stands: of axes with a fluid, of walls with a face below.
+    axes = np.eye(2)
+    walls = np.array([[0.6, 0.8], [-0.6, -0.8], [-0.8, 0.6], [0.8, -0.6]])
+    guards = [built(files, _folder(room / f"guard{k}")) for k in range(len(axes) + len(walls))]
+    limit = profile.device.force_limit
+    assert limit is not None
+    for seed in range(4):
+        chance = np.random.default_rng(seed)
+        for guard in guards:
+            guard.start()
+        for guard in guards[:2]:
+            assert guard.call(enter(bits["water"])).status == "OK"
+        for guard in guards[2:]:
+            assert guard.call(enter(bits["wall"], -0.02, 1)).status == "OK"
+        wet = np.array([True, True])
+
+        def law(k: int, seen: FloatArray) -> FloatArray:
+            wet[chance.random(2) < 0.01] ^= True  # noqa: B023 - called within this turn only
+            total = np.zeros(2)
+            for place, (guard, along) in enumerate(zip(guards, (*axes, *walls), strict=True)):
+                name = "wall" if place >= 2 else "water"
+                there = place >= 2 or wet[place]  # noqa: B023
+                call = push(bits[name] if there else 0, k, float(along @ seen[0]))
+                reply = guard.call(call)
+                assert reply.status == "OK"
+                assert abs(reply.force) <= limit.peak
+                total += reply.force * along
+            return total[None]
+
+        way = chance.normal(size=2)
+        pushed = np.zeros((1, 3000, 2))
+        pushed[0, :70] = 12.0 * way / np.linalg.norm(way)
+        played = rig.run(pushed, law=law)
+        energy = 0.5 * np.einsum("ka,ab,kb->k", played.speed[0], rig.mass[0], played.speed[0])
+        assert np.max(np.abs(played.truth[0])) < 0.04
+        assert energy[75] > 0.01
+        assert np.max(energy[75:]) <= 1.001 * energy[75]
+        assert energy[-1] < 0.01 * energy[75]
+
+
+def _folder(path: Path) -> Path:
+    path.mkdir()
+    return path

@@ -592,6 +592,49 @@ FAULTS: tuple[Fault, ...] = (
         ("a kill between two files", "if len(moves) > 1 and sys.executable:", "if False:"),
         ("all files or none", "_take_back(target, replaced.get(moved))", "pass"),
     ),
+    # Several axes.
+    *_of(
+        "identification/device/device.py",
+        "tests/test_several_axes.py",
+        (
+            "masses of all directions in the box",
+            '            masses = self._over_directions("mass", each)\n',
+            "",
+        ),
+        (
+            "dampings of all directions in the box",
+            '            ranges = [self._over_directions("damping", each)]\n',
+            "",
+        ),
+    ),
+    *_of(
+        "identification/device/quantities.py",
+        "tests/test_several_axes.py",
+        (
+            "the sides of what is known of a direction",
+            "half = side * deviations",
+            "half = -deviations",
+        ),
+    ),
+    *_of(
+        "identification/fitting/several_axes.py",
+        "tests/test_several_axes.py",
+        ("axes that are not told apart", "if joint.apart < _ALIKE:", "if joint.apart < 0:"),
+    ),
+    *_of(
+        "identification/estimators/joint_motion.py",
+        "tests/test_several_axes.py",
+        (
+            "what holds an axis beside others",
+            "free = np.flatnonzero(excess",
+            "free = np.flatnonzero(0 * excess",
+        ),
+    ),
+    *_of(
+        "tune/certificate/certify.py",
+        "tests/test_several_axes.py",
+        ("a hand on several axes", "if held and device.axes is not None:", "if False:"),
+    ),
 )
 
 

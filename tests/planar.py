@@ -59,14 +59,14 @@ def motion(
     delay: float = STEP,
     rows: int = 4000,
     most: float = 12.0,
-    alike: bool = False,
+    own: float = 1.0,
+    noise: float = 5e-6,
 ) -> Motions:
-    """One device driven along all axes; ``alike``: by one and the same force."""
+    """One device driven along all axes, by one common force but for ``own`` of each one's own."""
     chance = np.random.default_rng(seed)
     axes = len(mass)
     force = forces(chance, mass, damping, np.full(axes, most), rows)
-    if alike:
-        force[:] = force[:, :1]
+    force[:, 1:] = (own < 1) * force[:, :1] + own * force[:, 1:]
     rig = RigOfAxes(
         mass=mass[None],
         damping=damping[None],
@@ -75,6 +75,6 @@ def motion(
         coulomb_friction=friction[None],
         force_offset=chance.uniform(-0.05, 0.05, (1, axes)),
         encoder_resolution=6e-6,
-        position_noise=5e-6,
+        position_noise=noise,
     )
     return rig.run(force[None], seed=seed)

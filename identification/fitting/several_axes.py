@@ -48,6 +48,10 @@ FloatArray = NDArray[np.float64]
 _ENCODER_RESIDUAL = 0.295
 #: A mass of any direction must be known to this factor, or the axes are not told apart.
 _LOOSEST = 1.5
+#: Least eigenvalue of the correlations of accelerations; 1 where axes move independently, some
+#: 0.002 where independent forces move a device thirty times as heavy one way as another.
+_ALIKE = 1e-3
+_APART = "Drive all axes at once with forces of their own (other lines or phases), for longer."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +62,7 @@ class _JointFit:
     estimate: JointEstimate
     alone: tuple[LogFit, ...]
     reason: str
+    apart: float  # least eigenvalue of the correlations of the accelerations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +134,7 @@ def fit_axes(
     noticed = [
         found
         + tuple(each.of(fit.trajectory.source) for fit in joint.alone for each in fit.findings)
-        + tuple(each.of(joint.log.source) for each in _not_told_apart(joint.estimate))
+        + tuple(each.of(joint.log.source) for each in _not_told_apart(joint))
         for found, joint in zip(noticed, fits, strict=True)
     ]
     refuse(noticed, allow)
@@ -203,7 +208,9 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
     )
     if not _explained(estimate, log):
         estimate = _widened(estimate, alone)
-    return _JointFit(log=log, estimate=estimate, alone=alone, reason=reason)
+    bends = np.stack([table.columns[0] for table in prepared.tables])
+    apart = float(np.linalg.eigvalsh(np.corrcoef(bends))[0])
+    return _JointFit(log=log, estimate=estimate, alone=alone, reason=reason, apart=apart)
 
 
 def _most_excited(log: Trajectories) -> Trajectories:
@@ -271,8 +278,20 @@ def _widened(estimate: JointEstimate, alone: Sequence[LogFit]) -> JointEstimate:
     return replace(estimate, covariance=estimate.covariance * np.outer(scale, scale))
 
 
-def _not_told_apart(estimate: JointEstimate) -> tuple[Finding, ...]:
-    """``axes-not-told-apart``: a direction whose mass is not known, or not certainly there."""
+def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
+    """``axes-not-told-apart``: axes that move alike, or a direction whose mass is not known."""
+    estimate = joint.estimate
+    if joint.apart < _ALIKE:
+        return (
+            Finding(
+                code="axes-not-told-apart",
+                severity="refusal",
+                seen="some combination of the axes hardly accelerates: the least eigenvalue of the "
+                f"correlations of their accelerations is {joint.apart:.2g}",
+                needed=f"{_ALIKE:g} at least",
+                remedy=_APART,
+            ),
+        )
     try:
         pose = _pose(estimate)
     except ValueError:
@@ -293,8 +312,7 @@ def _not_told_apart(estimate: JointEstimate) -> tuple[Finding, ...]:
                         seen=f"along ({where}) the mass is {value:.4g}, known to a factor of "
                         f"{factor:.3g}",
                         needed=f"a mass known to a factor of {_LOOSEST:g} in every direction",
-                        remedy="Drive all axes at once with forces of their own (other lines or "
-                        "phases), for longer.",
+                        remedy=_APART,
                     ),
                 )
     return ()

@@ -388,7 +388,7 @@ class Stage:
 
 Logs = Annotated[
     list[Path],
-    Argument(help="Logs of one axis: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP."),
+    Argument(help="Logs: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP."),
 ]
 HardwareFile = Annotated[
     Path | None,
@@ -432,8 +432,13 @@ class LogOptions:
     """What a person says of the columns of a log; each field is an option of the command."""
 
     time: Annotated[str, Option(metavar="COL", help="Column of time, in seconds.")] = "time"
-    force: Annotated[str, Option(metavar="COL", help="Column of the actuator's force.")] = "force"
-    position: Annotated[str, Option(metavar="COL", help="Column of position.")] = "position"
+    force: Annotated[
+        str,
+        Option(metavar="COL", help="Column of the actuator's force; of several axes with commas."),
+    ] = "force"
+    position: Annotated[
+        str, Option(metavar="COL", help="Column of position; of several axes with commas.")
+    ] = "position"
     reference: Annotated[
         str | None, Option(metavar="COL", help="Column of the set-point, if logged.")
     ] = None

@@ -18,7 +18,7 @@ from identification.device.device import (
     LogRecord,
     SlopeRange,
 )
-from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
+from identification.device.hardware import Hardware, mark_stated
 from identification.device.quantities import Quantity, Tabular, quantity
 from identification.documents import as_stored, complaints
 from identification.errors import (
@@ -34,7 +34,7 @@ from identification.estimators.signals import position_noise
 from identification.findings import CODES, inspect
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.findings.lost_rows import Restored, restored
-from identification.fitting import LogFit, fit_log
+from identification.fitting import LogFit, fit_log, suggested_by
 from identification.trajectory import (
     Motion,
     Trajectories,
@@ -167,7 +167,7 @@ def identify(
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))
 
     sources = ", ".join(log.source for log in trajectories)
-    missing = tuple(each.of(sources) for each in _suggested(fits).not_stated(hardware))
+    missing = tuple(each.of(sources) for each in suggested_by(fits).not_stated(hardware))
     records = [
         LogRecord(
             source=fit.trajectory.source,
@@ -265,7 +265,7 @@ def _device_from(
         for kind in ("proportional", "pendulum")
     )
     beside = [fit.dynamics for fit in fits if fit.dynamics is not None]
-    facts = _suggested(fits)
+    facts = suggested_by(fits)
     return Device(
         name=hardware.name,
         axis=first.axis,
@@ -297,15 +297,6 @@ def _device_from(
         )
         if weights
         else None,
-    )
-
-
-def _suggested(fits: Sequence[LogFit]) -> SuggestedFacts:
-    """What the logs suggest of the facts."""
-    delays = [fit.delay for fit in fits if fit.delay is not None]
-    return SuggestedFacts(
-        logs=tuple(fit.trajectory for fit in fits),
-        delays=tuple((each.value, each.deviation) for each in delays),
     )
 
 

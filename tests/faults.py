@@ -444,7 +444,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/fitting/__init__.py",
         "tests/test_choice.py",
-        ("residuals that are white", "if not is_coloured(simulated.residual):", "if True:"),
+        ("residuals that are white", "if not is_coloured(residual):", "if True:"),
         (
             "an estimate that knows less",
             '    sharper = predicted.value("mass") > 0 and region(predicted) <= region(default)',

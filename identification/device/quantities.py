@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from html import escape
@@ -256,6 +256,11 @@ class Extreme:
 
     value: float
     direction: tuple[float, ...]
+
+    def along(self, axes: Sequence[str]) -> str:
+        """The direction in a sentence, its parts by the names of the axes."""
+        parts = zip(self.direction, axes, strict=True)
+        return f"along ({', '.join(f'{part:.2f} {axis}' for part, axis in parts)})"
 
 
 class Pose(Document):

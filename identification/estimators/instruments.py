@@ -101,7 +101,7 @@ def _improved(
         last = np.append(values, 0.0)
         columns = np.vstack((columns, -_slope(table, table.signals.commands, delay)))
         tests = np.vstack((tests, -_slope(table, source.commands, delay)))
-    solved = _solve(tests, columns, force)
+    solved = solve_instrumental(tests, columns, force)
     residual = force - solved @ columns
     if fits_delay:
         most = longest_delay(table.signals.step, table.signals.position.size)
@@ -210,7 +210,9 @@ def _slope(table: Regression, commands: Commands, delay: float) -> FloatArray:
     return table.low_pass(change)[table.known :] / (high - low)
 
 
-def _solve(instruments: FloatArray, columns: FloatArray, force: FloatArray) -> FloatArray:
+def solve_instrumental(
+    instruments: FloatArray, columns: FloatArray, force: FloatArray
+) -> FloatArray:
     """Parameters whose residual no instrument sees, shape (p,)."""
     tests, _ = unit_columns(instruments.T)
     unit, norms = unit_columns(columns.T)

@@ -1,31 +1,23 @@
-"""Mass and damping matrices of several axes: least squares, instruments, output error, jointly.
+"""Several axes as one regression: what is unknown of them together, and the filtered rows of all.
 
 Λ·q̈ + D·q̇ + Fc∘sign(q̇) + f0 = F(t - delay), Λ and D symmetric. The filtered rows of every axis are
-those of one axis, with the accelerations and velocities of the others beside its own. The motion is
-simulated exactly in the coordinates in which both matrices are diagonal: there every force that is
-held moves as many independent masses with damping as there are axes (Golub and Van Loan, Matrix
-Computations, 4th edition, section 8.7.1).
+those of one axis, with the accelerations and velocities of the others beside its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.estimators.estimate import solve
 from identification.estimators.least_squares import Regression, prepare
-from identification.estimators.motion import (
-    distinguishable_terms,
-    refine_motion,
-)
-from identification.estimators.signals import (
-    HeldColumn,
-    kinematics_of,
-    of_rows,
-)
+from identification.estimators.motion import distinguishable_terms, refine_motion
+from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
 from identification.trajectory import Trajectories, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -93,10 +85,9 @@ class JointLog:
     delay: float  # s
     doubt: float  # standard deviation of a delay that is not fitted, s
     speeds: tuple[FloatArray, ...]  # mean speed of each interval, m/s, shape (n - 1,) an axis
-    bends: tuple[FloatArray, ...]  # mean acceleration, m/s², likewise
 
     @classmethod
-    def of(cls, log: Trajectories, delay: float, room: float, doubt: float = 0.0) -> JointLog:
+    def of(cls, log: Trajectories, delay: float, room: float, doubt: float) -> JointLog:
         """Prepared at a delay, s, which may become as long as ``room``, and its deviation."""
         models = [distinguishable_terms(each) for each in log.axes]
         found = [
@@ -106,18 +97,9 @@ class JointLog:
         cut_off = min(each.cut_off.frequency for each in found)
         model = JointModel(axes=log.names, coulomb=tuple(each.coulomb for each in models))
         tables = tuple(each.at_cut_off(cut_off) for each in found)
-        low_pass, step = tables[0].low_pass, tables[0].signals.step
+        low_pass = tables[0].low_pass
         speeds = tuple(low_pass.continued(each.signals.speed) for each in tables)
-        bends = tuple(np.gradient(each) / step for each in speeds)
-        prepared = cls(
-            log=log,
-            model=model,
-            tables=tables,
-            delay=delay,
-            doubt=doubt,
-            speeds=speeds,
-            bends=bends,
-        )
+        prepared = cls(log=log, model=model, tables=tables, delay=delay, doubt=doubt, speeds=speeds)
         return prepared._refined()
 
     @property
@@ -129,6 +111,16 @@ class JointLog:
     def steps(self) -> float | FloatArray:
         """Length of the intervals, s."""
         return self.tables[0].signals.steps
+
+    @property
+    def step(self) -> float:
+        """Mean length of the intervals, s."""
+        return self.tables[0].signals.step
+
+    @cached_property
+    def bends(self) -> tuple[FloatArray, ...]:
+        """Mean acceleration of each interval, m/s², shape (n - 1,) an axis."""
+        return tuple(np.gradient(each) / self.step for each in self.speeds)
 
     def _refined(self) -> JointLog:
         """Directions and standstill with the help of the model that least squares find."""
@@ -156,7 +148,7 @@ class JointLog:
 
     def turned(self, values: FloatArray) -> JointLog:
         """With the directions of motion and standstills that some unknowns make of the speeds."""
-        mass, _ = self.model.matrices(values)
+        mass, damping = self.model.matrices(values)
         friction, offset = self.model.friction(values)
         tables: list[Regression] = []
         for axis, table in enumerate(self.tables):
@@ -165,25 +157,17 @@ class JointLog:
                 motion = refine_motion(
                     table.motion,
                     self.speeds[axis],
-                    pull - self.beside(axis, *self.model.matrices(values)),
+                    pull - self.beside(axis, mass, damping),
                     steps=self.steps,
                     low_pass=table.low_pass,
                     mass=float(mass[axis, axis]),
-                    damping=float(self.model.matrices(values)[1][axis, axis]),
+                    damping=float(damping[axis, axis]),
                     friction=float(friction[axis]),
                 )
                 tables.append(table.with_motion(motion))
             else:  # without friction nothing holds it still
                 tables.append(table.with_motion(table.motion.released()))
         return replace(self, tables=tuple(tables))
-
-    def _moving_as(self, positions: FloatArray) -> JointLog:
-        """With mean speeds and accelerations of other positions, m, shape (axes, n)."""
-        speeds = tuple(np.diff(positions) / self.steps)
-        step = self.tables[0].signals.step
-        return replace(
-            self, speeds=speeds, bends=tuple(np.gradient(each) / step for each in speeds)
-        )
 
     def beside(self, axis: int, mass: FloatArray, damping: FloatArray) -> FloatArray:
         """Mean force of an axis that moves the others, N, shape (n - 1,)."""
@@ -203,28 +187,22 @@ class JointLog:
         they are None.
         """
         mass, damping = matrices
-        moving = self if positions is None else self._moving_as(positions)
+        moving = self
+        if positions is not None:
+            moving = replace(self, speeds=tuple(np.diff(positions) / self.steps))
         axes: list[Trajectory] = []
         for axis, log in enumerate(self.log.axes):
             steps = np.broadcast_to(self.steps, (len(log) - 1,))
             middle = log.time[:-1] + steps / 2
             moved = moving.beside(axis, mass, damping)
             # A force that acts at a time was sent a delay before.
-            sent = np.interp(log.time + float(np.mean(steps)) / 2 + delay, middle, moved)
+            sent = np.interp(log.time + self.step / 2 + delay, middle, moved)
             axes.append(replace(log, force=log.force - sent))
         return replace(self.log, axes=tuple(axes))
 
     def solve(self) -> FloatArray:
-        """Unknowns by filtered least squares less what noise adds to the squares of columns."""
-        rows = Rows.of(self)
-        squares = rows.columns @ rows.columns.T - np.diag(rows.parasitic)
-        return solve_normal(squares, rows.columns @ rows.target)
-
-
-def solve_normal(squares: FloatArray, right: FloatArray) -> FloatArray:
-    """Unknowns of normal equations, scaled to unit squares, shape (p,)."""
-    norms = np.sqrt(np.maximum(np.diag(squares), np.finfo(float).tiny))
-    return np.linalg.lstsq(squares / np.outer(norms, norms), right / norms)[0] / norms
+        """Unknowns by filtered least squares, shape (p,)."""
+        return Rows.of(self).solve()
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,6 +257,13 @@ class Rows:
             scale,
         )
 
+    def solve(self) -> FloatArray:
+        """Unknowns by least squares less what noise adds to the squares of columns, shape (p,)."""
+        squares = self.columns @ self.columns.T - np.diag(self.parasitic)
+        norms = np.sqrt(np.maximum(np.diag(squares), np.finfo(float).tiny))
+        right = self.columns @ self.target / norms
+        return np.linalg.lstsq(squares / np.outer(norms, norms), right)[0] / norms
+
 
 def _rest(columns: FloatArray, target: FloatArray) -> FloatArray:
     """Rms of what each axis by itself leaves of its force, shape (axes,)."""
@@ -286,6 +271,6 @@ def _rest(columns: FloatArray, target: FloatArray) -> FloatArray:
     for axis in range(target.shape[1]):
         own = columns[:, :, axis]
         used = own[np.any(own != 0, axis=1)]
-        values = solve_normal(used @ used.T, used @ target[:, axis])
+        values = solve(used.T, target[:, axis])
         left[axis] = np.sqrt(np.mean((target[:, axis] - values @ used) ** 2))
     return np.maximum(left, np.finfo(float).eps * np.sqrt(np.mean(target**2, axis=0)))

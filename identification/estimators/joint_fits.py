@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.estimate import Spread, gauss_newton, spread
-from identification.estimators.instruments import explained_by_reference
+from identification.estimators.instruments import explained_by_reference, solve_instrumental
 from identification.estimators.joint import JointLog, JointModel, Rows
 from identification.estimators.joint_motion import DevicesOfAxes
 from identification.estimators.least_squares import CUT_OFF_RANGE
-from identification.estimators.signals import (
-    unknown_intervals,
-)
+from identification.estimators.signals import unknown_intervals
 from identification.trajectory import Trajectories
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +64,6 @@ class JointEstimate:
     covariance: FloatArray  # shape (p, p)
     degrees_of_freedom: float
     residuals: tuple[FloatArray, ...]  # of each axis, N filtered or m
-    inflation: FloatArray  # shape (p,), variance inflation factors
     positions: FloatArray | None = None  # simulated, m, shape (axes, n); None of filtered methods
 
     def value(self, name: str) -> float:
@@ -112,7 +110,7 @@ def fit_jointly(
     if not prepared.doubt:
         return found
     # A delay of d looks like an added damping of -Λ·ω²·d.
-    step = _DELAY_STEP * prepared.tables[0].signals.step
+    step = _DELAY_STEP * prepared.step
     late = replace(prepared, delay=prepared.delay + step)
     slope = (late.solve() - prepared.solve()) / step
     added = prepared.doubt**2 * np.outer(slope, slope)
@@ -124,37 +122,27 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
 
     What half and twice the cut-off move is one more standard deviation, as of one axis.
     """
-    rows = Rows.of(prepared)
     positions = _noise_free(prepared) if method == "instruments" else None
-    tests = None if positions is None else Rows.of(prepared, positions).columns
 
-    def solved(log: JointLog) -> FloatArray:
+    def tested(log: JointLog) -> tuple[FloatArray, Rows, FloatArray]:
+        rows = Rows.of(log)
         if positions is None:
-            return log.solve()
-        found = Rows.of(log)
-        return _tested(Rows.of(log, positions).columns, found.columns, found.target)
+            return rows.solve(), rows, rows.columns
+        tests = Rows.of(log, positions).columns
+        return solve_instrumental(tests, rows.columns, rows.target), rows, tests
 
-    values, middle = solved(prepared), prepared.tables[0].cut_off.frequency
+    values, rows, tests = tested(prepared)
+    middle = prepared.tables[0].cut_off.frequency
     low, high = (
-        solved(prepared.at_cut_off(middle * factor))
+        tested(prepared.at_cut_off(middle * factor))[0]
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
     )
     residual = rows.target - values @ rows.columns
-    tests = rows.columns if tests is None else tests
     around = spread(rows.columns, residual, len(values), signal=rows.target, instruments=tests)
     shift = (high - low) / 2
     around = replace(around, covariance=around.covariance + np.outer(shift, shift))
     by_axis = residual.reshape(-1, prepared.count) * rows.scale
     return _estimate(prepared, method, values, around, tuple(by_axis.T))
-
-
-def _tested(tests: FloatArray, columns: FloatArray, target: FloatArray) -> FloatArray:
-    """Unknowns whose residual no instrument sees."""
-    sizes, norms = (np.sqrt(np.sum(each**2, axis=1)) for each in (tests, columns))
-    normal: FloatArray = (tests / sizes[:, None]) @ (columns / norms[:, None]).T
-    right: FloatArray = tests @ target / sizes
-    found: FloatArray = np.linalg.lstsq(normal, right)[0] / norms
-    return found
 
 
 def _noise_free(prepared: JointLog) -> list[FloatArray]:
@@ -198,14 +186,14 @@ class _Playing:
         values = prepared.solve()
         named = len(prepared.model.pairs) * 2
         rough = slice(named, named + sum(prepared.model.coulomb))
-        values[rough] = np.maximum(values[rough], self._sizes()[rough])
+        values[rough] = np.maximum(values[rough], self.sizes[rough])
         late = [prepared.delay] * self.fits_delay
-        return np.concatenate((values, late, self.starts()[0], self.measured[first]))
+        return np.concatenate((values, late, self.starts[0], self.measured[first]))
 
-    def _sizes(self) -> FloatArray:
+    @cached_property
+    def sizes(self) -> FloatArray:
         """How far each unknown is moved for the slope of the motion by it."""
         prepared, model = self.prepared, self.prepared.model
-        step = prepared.tables[0].signals.step
         force = np.sqrt(np.mean(self.force**2, axis=0))
         speed = np.array([np.sqrt(np.mean(each**2)) for each in prepared.speeds])
         bend = np.array([np.sqrt(np.mean(each**2)) for each in prepared.bends])
@@ -215,7 +203,7 @@ class _Playing:
         return np.concatenate(
             (
                 _NUDGE * np.concatenate((entries, rough, force)),
-                [_LATER * step] * self.fits_delay,
+                [_LATER * prepared.step] * self.fits_delay,
                 _NUDGE * speed,
                 _NUDGE * np.ptp(self.measured, axis=0),
             )
@@ -231,9 +219,8 @@ class _Playing:
             return False
         if np.linalg.eigvalsh(mass / np.outer(size, size))[0] <= _SINGULAR:
             return False
-        step = self.prepared.tables[0].signals.step
         rates = np.linalg.eigvals(np.linalg.solve(mass, damping)).real
-        if np.max(np.abs(rates)) * step > _FASTEST:
+        if np.max(np.abs(rates)) * self.prepared.step > _FASTEST:
             return False
         return unknown_intervals(self.prepared.steps, self._delay(theta)) <= self.first
 
@@ -262,29 +249,27 @@ class _Playing:
             speed=thetas[:, -2 * count : -count],
             place=thetas[:, -count:],
         )
-        step = self.prepared.tables[0].signals.step
         with np.errstate(over="ignore", invalid="ignore"):
-            found = devices.positions(self.force, step, self.first)[self.first :]
+            found = devices.positions(self.force, self.prepared.step, self.first)[self.first :]
         return np.moveaxis(found, 1, 0)
 
     def slopes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Positions, shape (rows, axes), and their slopes by every unknown, (k, rows, axes)."""
-        sizes = self._sizes()
-        found = self.positions(np.vstack((theta, theta + np.diag(sizes))))
-        return found[0], (found[1:] - found[0]) / sizes[:, None, None]
+        found = self.positions(np.vstack((theta, theta + np.diag(self.sizes))))
+        return found[0], (found[1:] - found[0]) / self.sizes[:, None, None]
 
+    @cached_property
     def starts(self) -> tuple[FloatArray, FloatArray]:
         """Start speeds as the first positions show them, m/s, and how well they are known.
 
         Friction stops a slow start at once, so that the motion after it does not tell its speed.
         """
-        first, tables = self.first, self.prepared.tables
-        looked = slice(first, first + _FIRST_LOOK)
+        looked = slice(self.first, self.first + _FIRST_LOOK)
         speeds = np.array([float(np.mean(each[looked])) for each in self.prepared.speeds])
         bends = [float(np.sqrt(np.mean(each[looked] ** 2))) for each in self.prepared.bends]
-        step = tables[0].signals.step
-        noise = np.array([table.signals.noise for table in tables])
-        return speeds, noise / (_FIRST_LOOK * step) + np.array(bends) * _FIRST_LOOK * step
+        noise = np.array([table.signals.noise for table in self.prepared.tables])
+        span = _FIRST_LOOK * self.prepared.step
+        return speeds, noise / span + np.array(bends) * span
 
     def weighed(
         self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray
@@ -294,7 +279,7 @@ class _Playing:
         Rows of all axes at one time lie beside each other; start speeds as seen come last.
         """
         count = self.prepared.count
-        seen, deviation = self.starts()
+        seen, deviation = self.starts
         left = (self.left(positions) / scale).ravel()
         beside = (seen - theta[-2 * count : -count]) / deviation
         columns = np.zeros((len(theta), left.size + count))
@@ -330,16 +315,11 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
             best, least = (theta, positions, slopes), float(np.sum(np.log(scale)))
         settled = bool(np.all(np.abs(scale / before - 1) < _WEIGHED))
         residual, columns = play.weighed(theta, positions, slopes, scale)
-        move, gain = gauss_newton(columns, residual, _NOTHING)
+        move, gain = _step(columns, residual, 0.0)
         found, trial = None, theta
         if not settled or (min(gain, improved) > _CONVERGED**2 and slow < _MOST_SLOW):
-            size = np.linalg.norm(columns, axis=1)
             for tried in range(_MOST_TRIES):
-                short = move
-                if damped:  # Levenberg and Marquardt: shorter, and down the steepest slope
-                    more = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
-                    still = np.append(residual, np.zeros(len(size)))
-                    short, _ = gauss_newton(more, still, _NOTHING)
+                short = _step(columns, residual, damped)[0] if damped else move
                 trial = play.within(theta + short)
                 if play.allowed(trial):
                     found = play.slopes(trial)
@@ -376,6 +356,18 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
     )
 
 
+def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[FloatArray, float]:
+    """The step of Gauss and Newton and its gain; damped, that of Levenberg and Marquardt.
+
+    That one is shorter, and down the steepest slope.
+    """
+    if damped:
+        size = np.linalg.norm(columns, axis=1)
+        columns = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
+        residual = np.append(residual, np.zeros(len(size)))
+    return gauss_newton(columns, residual, _NOTHING)
+
+
 def _estimate(
     prepared: JointLog,
     method: JointMethod,
@@ -396,6 +388,5 @@ def _estimate(
         covariance=around.covariance[:size, :size],
         degrees_of_freedom=around.degrees_of_freedom,
         residuals=residuals,
-        inflation=around.inflation[:size],
         positions=positions,
     )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from identification.device.hardware import Hardware
+from identification.device.hardware import Hardware, SuggestedFacts
 from identification.device.quantities import Quantity
 from identification.errors import Finding
 from identification.estimators import GIVEN_A_DELAY
@@ -43,6 +44,8 @@ from identification.trajectory import NORMAL_95, Trajectory, encoder_count, most
 if TYPE_CHECKING:
     from identification.fitting.dynamics import Dynamics
     from identification.fitting.friction_curve import FrictionCurve
+
+FloatArray = NDArray[np.float64]
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
 
@@ -228,11 +231,15 @@ def noise_explains(prepared: PreparedLog) -> str | None:
     starts = prepared.fit("least-squares").value("mass") > 0
     if prepared.model.gravity != "none" or not starts or prepared.pushed:
         return None
-    simulated = prepared.fit("output-error")
-    if not is_coloured(simulated.residual):
+    return explained_by_noise(prepared.fit("output-error").residual, prepared.trajectory)
+
+
+def explained_by_noise(residual: FloatArray, trajectory: Trajectory) -> str | None:
+    """A sentence if noise of its readings explains a residual of a log's position, m, or None."""
+    if not is_coloured(residual):
         return "its residual is white in every octave"
-    count = encoder_count(prepared.trajectory.position)
-    counts = float(np.sqrt(np.mean(simulated.residual**2))) / (count or np.inf)
+    count = encoder_count(trajectory.position)
+    counts = float(np.sqrt(np.mean(residual**2))) / (count or np.inf)
     if 0 < counts <= _ENCODER_RESIDUAL:
         return (
             f"its residual is {counts:.2f} encoder counts rms (at most {_ENCODER_RESIDUAL:g}), no "
@@ -385,6 +392,15 @@ class LogFit:
     def method(self) -> str:
         """Name of the method believed."""
         return self.estimate.method
+
+
+def suggested_by(fits: Sequence[LogFit]) -> SuggestedFacts:
+    """What logs suggest of the facts that a person has to state."""
+    delays = [fit.delay for fit in fits if fit.delay is not None]
+    return SuggestedFacts(
+        logs=tuple(fit.trajectory for fit in fits),
+        delays=tuple((each.value, each.deviation) for each in delays),
+    )
 
 
 def fit_log(

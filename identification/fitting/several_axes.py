@@ -20,7 +20,6 @@ from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
 from identification.device.quantities import Covariance, Pose, Quantity, quantity
 from identification.errors import Finding, LogRefusedError, UsageError, refuse
 from identification.estimators import Method
-from identification.estimators.filters import is_coloured
 from identification.estimators.joint import JointLog
 from identification.estimators.joint_fits import (
     JointEstimate,
@@ -32,20 +31,17 @@ from identification.estimators.joint_fits import (
 from identification.estimators.least_squares import find_delay, longest_delay, prepare
 from identification.estimators.motion import distinguishable_terms
 from identification.findings import inspect
-from identification.fitting import LogFit, fit_log
+from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
 from identification.trajectory import (
     MOST_FITTED,
     NORMAL_95,
     Trajectories,
     Trajectory,
-    encoder_count,
     refuse_sizes,
 )
 
 FloatArray = NDArray[np.float64]
 
-#: A residual of at most so many counts rms is the encoder's own, whatever its colour.
-_ENCODER_RESIDUAL = 0.295
 #: A mass of any direction must be known to this factor, or the axes are not told apart.
 _LOOSEST = 1.5
 #: Least eigenvalue of the correlations of accelerations; 1 where axes move independently, some
@@ -87,7 +83,7 @@ class AxesFit:
         Raises ValidationError for numbers that no device has.
         """
         hardware = hardware or Hardware()
-        first, facts = self.poses[0].log, _suggested(self.logs)
+        first, facts = self.poses[0].log, suggested_by(self.logs)
         poses = tuple(_pose(joint.estimate) for joint in self.poses)
         by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
         motion = first.motion or hardware.motion
@@ -125,7 +121,9 @@ def fit_axes(
     if method != "auto" and method not in get_args(JointMethod):
         known = ", ".join(get_args(JointMethod))
         raise UsageError("--method", f"{method} is for one axis", f"Choose from auto, {known}")
-    _check_axes(logs, hardware)
+    if hardware is not None and (hardware.modes or hardware.current_lag is not None):
+        problem = "states modes or a current lag, which are known of one axis only"
+        raise UsageError("--hardware", problem, "Leave them out, or identify axis by axis")
     for axis in (each for log in logs for each in log.axes):
         refuse_sizes(axis)
     noticed = [_inspected(log, hardware) for log in logs]
@@ -140,7 +138,7 @@ def fit_axes(
     refuse(noticed, allow)
     alone = tuple(replace(fit, reason=joint.reason) for joint in fits for fit in joint.alone)
     sources = ", ".join(log.source for log in logs)
-    missing = tuple(each.of(sources) for each in _suggested(alone).not_stated(hardware))
+    missing = tuple(each.of(sources) for each in suggested_by(alone).not_stated(hardware))
     records = tuple(
         LogRecord(
             source=joint.log.source,
@@ -157,26 +155,6 @@ def fit_axes(
     return AxesFit(poses=fits, logs=alone, records=records, findings=findings + missing)
 
 
-def _suggested(alone: Sequence[LogFit]) -> SuggestedFacts:
-    delays = [fit.delay for fit in alone if fit.delay is not None]
-    return SuggestedFacts(
-        logs=tuple(fit.trajectory for fit in alone),
-        delays=tuple((each.value, each.deviation) for each in delays),
-    )
-
-
-def _check_axes(logs: Sequence[Trajectories], hardware: Hardware | None) -> None:
-    if any(log.names != logs[0].names for log in logs):
-        seen = " and ".join(", ".join(log.names) for log in logs)
-        raise UsageError("--axis", f"the logs are of {seen}", "Give logs of one device")
-    kinds = {log.motion for log in logs} - {None}
-    if len(kinds) > 1:
-        raise UsageError("--motion", "the logs are linear and rotary", "Give one kind at a time")
-    if hardware is not None and (hardware.modes or hardware.current_lag is not None):
-        problem = "states modes or a current lag, which are known of one axis only"
-        raise UsageError("--hardware", problem, "Leave them out, or identify axis by axis")
-
-
 def _inspected(log: Trajectories, hardware: Hardware | None) -> tuple[Finding, ...]:
     return tuple(
         each.of(f"{axis.source}, axis {axis.axis}")
@@ -187,7 +165,7 @@ def _inspected(log: Trajectories, hardware: Hardware | None) -> tuple[Finding, .
 
 def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _JointFit:
     """The joint estimate of one log, and what each axis shows alone."""
-    log = _most_excited(log)
+    log = _middle_of(log)
     known = None if hardware is None else hardware.delay
     step = log.axes[0].sample_time
     longest = longest_delay(step, len(log))
@@ -213,7 +191,7 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
     return _JointFit(log=log, estimate=estimate, alone=alone, reason=reason, apart=apart)
 
 
-def _most_excited(log: Trajectories) -> Trajectories:
+def _middle_of(log: Trajectories) -> Trajectories:
     """The middle of a log that is longer than estimates are made of."""
     spare = len(log) - MOST_FITTED
     if spare <= 0:
@@ -250,14 +228,10 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
 
 def _explained(estimate: JointEstimate, log: Trajectories) -> bool:
     """Whether noise of the encoders explains all that output error leaves of every axis."""
-    if estimate.method != "output-error":
-        return False
-    for residual, axis in zip(estimate.residuals, log.axes, strict=True):
-        count = encoder_count(axis.position) or 0.0
-        rms = float(np.sqrt(np.mean(residual**2)))
-        if is_coloured(residual) and rms > _ENCODER_RESIDUAL * count:
-            return False
-    return True
+    return estimate.method == "output-error" and all(
+        explained_by_noise(residual, axis)
+        for residual, axis in zip(estimate.residuals, log.axes, strict=True)
+    )
 
 
 def _widened(estimate: JointEstimate, alone: Sequence[LogFit]) -> JointEstimate:
@@ -303,14 +277,12 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
             value = float(unit @ matrix @ unit)
             factor = float(np.exp(abs(np.log(end.value / value))))
             if factor > _LOOSEST:
-                parts = zip(end.direction, estimate.model.axes, strict=True)
-                where = ", ".join(f"{part:.2f} {axis}" for part, axis in parts)
                 return (
                     Finding(
                         code="axes-not-told-apart",
                         severity="refusal",
-                        seen=f"along ({where}) the mass is {value:.4g}, known to a factor of "
-                        f"{factor:.3g}",
+                        seen=f"{end.along(estimate.model.axes)} the mass is {value:.4g}, "
+                        f"known to a factor of {factor:.3g}",
                         needed=f"a mass known to a factor of {_LOOSEST:g} in every direction",
                         remedy=_APART,
                     ),

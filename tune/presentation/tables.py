@@ -352,10 +352,8 @@ def _axes_rows(device: Device) -> list[tuple[str, tuple[str, str], str]]:
         where = f", pose {place}" if len(device.poses or ()) > 1 else ""
         ends = (*pose.extremes("mass", 0.0), *pose.extremes("damping", 0.0))
         for label, end in zip(_ENDS, ends, strict=True):
-            parts = zip(end.direction, names, strict=True)
-            along = ", ".join(f"{part:.2f} {axis}" for part, axis in parts)
-            kind = label.rpartition(" ")[2]
-            rows.append((label + where, (f"{end.value:.4g}", f"along ({along})"), kind))
+            cells = f"{end.value:.4g}", end.along(names)
+            rows.append((label + where, cells, label.rpartition(" ")[2]))
         for axis, friction in zip(names, pose.coulomb_friction, strict=True):
             rows.append((f"friction of {axis}{where}", (f"{friction:.4g}", "-"), "force"))
     return rows

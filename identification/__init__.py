@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     )
     from identification.planning import Excitation, force_text, plan_excitation
     from identification.planning.limits import ExcitationSpec, load_excitation
+    from identification.planning.several_axes import AxesExcitation, plan_axes
     from identification.plant import Plant
     from identification.readers import LOG_ENDINGS, LogColumns, load_log, load_trajectory
     from identification.trajectory import Motion, Trajectories, Trajectory
@@ -99,6 +100,7 @@ _HOMES = {
     ),
     "planning": "Excitation force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
+    "planning.several_axes": "AxesExcitation plan_axes",
     "plant": "Plant",
     "readers": "LOG_ENDINGS LogColumns load_log load_trajectory",
     "trajectory": "Motion Trajectories Trajectory",
@@ -120,7 +122,7 @@ __all__ += ["METHODS", "Method"]
 __all__ += ["LogFit"]
 __all__ += ["NotebookFigure", "devices_picture", "excitation_picture", "fit_picture"]
 __all__ += ["identified_picture", "legend_above", "log_picture"]
-__all__ += ["Excitation", "force_text", "plan_excitation"]
+__all__ += ["AxesExcitation", "Excitation", "force_text", "plan_axes", "plan_excitation"]
 __all__ += ["ExcitationSpec", "load_excitation"]
 __all__ += ["Plant"]
 __all__ += ["LOG_ENDINGS", "LogColumns", "load_log", "load_trajectory"]

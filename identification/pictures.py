@@ -24,6 +24,7 @@ from identification.estimators.response import response_of
 from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit
 from identification.planning import Excitation
+from identification.planning.several_axes import AxesExcitation
 from identification.trajectory import NORMAL_95, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -486,23 +487,41 @@ def _of_estimate(estimate: Estimate, words: str, color: str) -> _Known:
     return _Known(words=words, color=color, ends=ends)
 
 
-def excitation_picture(excitation: Excitation) -> Figure:
-    """Force, predicted position and predicted speed over time, each between its limits."""
-    spec, best = excitation.spec, excitation.best
-    length, force = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
-    motion = best.prediction.motion
+def excitation_picture(excitation: Excitation | AxesExcitation) -> Figure:
+    """Force, predicted position and predicted speed over time, each between its limits.
+
+    Of several axes one line each.
+    """
+    spec, axes = excitation.spec, excitation.spec.axes
+    length, unit = ("m", "N") if spec.motion == "linear" else ("rad", "N·m")
+    if isinstance(excitation, AxesExcitation):
+        force, motion = excitation.force, excitation.motion
+        title = f"axes {', '.join(excitation.axes)}: {excitation.description}"
+    else:
+        best = excitation.best
+        force, motion = best.force, best.prediction.motion
+        known = ((spec.mass.value, excitation.mass), (spec.damping.value, excitation.damping))
+        parts = [
+            f"± {100 * half / guess:.2g} %" if guess else f"± {half:.2g}" for guess, half in known
+        ]
+        title = (
+            f"axis {spec.axis}: {best.family}, {best.description}; predicted 95 % interval of mass "
+            f"{parts[0]}, of damping {parts[1]}"
+        )
     figure = NotebookFigure(figsize=(11, 7), layout="constrained")
     rows = (
-        (f"force, {force}", best.force, spec.force),
+        (f"force, {unit}", force, spec.force),
         (f"position, {length}", motion.position, spec.travel),
         (f"velocity, {length}/s", motion.velocity, spec.speed),
     )
     every = figure.subplots(len(rows), 1, sharex=True)
-    for axes, (label, column, limit) in zip(every, rows, strict=True):
-        axes.plot(excitation.time, column, lw=1)
+    for part, (label, column, limit) in zip(every, rows, strict=True):
+        lines = part.plot(excitation.time, column, lw=1)
         for side in (-1, 1) if limit is not None else ():
-            axes.axhline(side * (limit or 0.0), color="#D55E00", lw=1, ls="--")
-        axes.set_ylabel(label)
+            part.axhline(side * (limit or 0.0), color="#D55E00", lw=1, ls="--")
+        part.set_ylabel(label)
+        if axes and part is every[0]:
+            part.legend(lines, axes, loc="upper right", ncols=len(axes))
     figure.axes[1].set_title(
         "\n".join(
             f"{each.words}: up to {each.travel:.2g} {length}" for each in excitation.worst[1:]
@@ -511,10 +530,5 @@ def excitation_picture(excitation: Excitation) -> Figure:
         loc="left",
     )
     figure.axes[-1].set_xlabel("time, s")
-    known = ((spec.mass.value, excitation.mass), (spec.damping.value, excitation.damping))
-    parts = [f"± {100 * half / guess:.2g} %" if guess else f"± {half:.2g}" for guess, half in known]
-    figure.suptitle(
-        f"{spec.name}, axis {spec.axis}: {best.family}, {best.description}; predicted 95 % "
-        f"interval of mass {parts[0]}, of damping {parts[1]}"
-    )
+    figure.suptitle(f"{spec.name}, {title}")
     return figure

@@ -128,6 +128,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (place / f"{name}.yaml").write_text(scene, encoding="utf-8")
     text = form("excitation", "--device", "homerehab").replace("duration: 10.0", "duration: 2.0")
     (place / "excitation.yaml").write_text(text, encoding="utf-8")
+    (place / "axes.yaml").write_text(text + "axes: [x, y]\n", encoding="utf-8")
     for name, (mass, start) in PLAYED.items():
         played = Controller(stiffness=800.0, damping=8.0, velocity_filter_hz=50.0)
         rig = replace(named_rig("homerehab"), mass=mass)
@@ -163,6 +164,7 @@ THOROUGH = (
     "tune homerehab spring.yaml -o spring-profile.yaml",
     *(f"verify spring-profile.yaml {name}.csv" for name in PLAYED),
     "excite excitation.yaml -o force.csv",
+    "excite axes.yaml -o forces.csv",
     "simulate homerehab -o simulated.csv",
 )
 

@@ -12,11 +12,11 @@ well enough for the second to be planned within their intervals.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from identification.device.quantities import (
 from identification.documents import Document, load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
 from identification.estimators.signals import StepResponse
-from identification.trajectory import SHORTEST, Motion
+from identification.trajectory import MOST_AXES, SHORTEST, Motion
 
 FloatArray = NDArray[np.float64]
 
@@ -89,6 +89,10 @@ def step_response(rate: complex, span: complex) -> tuple[complex, complex]:
     return span * first, span * span * second
 
 
+#: Part of the name of a column.
+_AxisName = Annotated[str, Field(pattern=r"^\w+$")]
+
+
 class ExcitationSpec(Document):
     """Limits, guesses and noise (excitation.yaml); SI units of the motion.
 
@@ -98,6 +102,8 @@ class ExcitationSpec(Document):
     Attributes:
         name: of the device.
         axis: name of the axis.
+        axes: names of the axes of a device of several, instead of axis; limits then hold on every
+            axis, and the guesses of mass and damping in every direction.
         motion: "linear" or "rotary".
         sample_time: T, s; each force is held that long.
         duration: s, ramps included.
@@ -122,6 +128,7 @@ class ExcitationSpec(Document):
     schema_: Literal["haptune/excitation/1"] = Field(default="haptune/excitation/1", alias="schema")
     name: str = "device"
     axis: str = "x"
+    axes: tuple[_AxisName, ...] | None = Field(default=None, min_length=2, max_length=MOST_AXES)
     motion: Motion = "linear"
     sample_time: float = Field(ge=SHORTEST_STEP, le=LARGEST)
     duration: float = Field(gt=0, le=LARGEST)
@@ -147,6 +154,9 @@ class ExcitationSpec(Document):
                 f"gentle plans for a device that is guessed, {self.device} tells of one that is "
                 "known; leave out gentle, or device"
             )
+        if self.axes is not None and len(set(self.axes)) < len(self.axes):
+            listed = ", ".join(self.axes)
+            raise ValueError(f"axes are {listed}; give each a name of its own")
         if self.mass.low < LIGHTEST:
             raise ValueError(f"mass must be {LIGHTEST:g} or more, not {self.mass.low:g}")
         for name in ("damping", "coulomb_friction"):
@@ -211,6 +221,20 @@ _SERIES_BELOW = 1e-4  # below this b·t/m series stand in for the exponential
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Used:
+    """Parts of the limits of force, travel and speed; speed 0 where it has no limit."""
+
+    force: float
+    travel: float
+    speed: float
+
+    @property
+    def most(self) -> float:
+        """The largest of them."""
+        return max(self.force, self.travel, self.speed)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WorstMotion:
     """Farthest and fastest motion of a set of devices under one force."""
 
@@ -268,13 +292,13 @@ class Region:
 
 def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[WorstMotion, ...]:
     """Worst travel and speed of a force over the devices that a user may really have."""
-    regions = list(_regions(spec))
-    devices = [region.devices() for _, _, region in regions]
+    boxes = list(regions(spec))
+    devices = [region.devices() for _, _, region in boxes]
     every = list(dict.fromkeys(device for some in devices for device in some))
     place = {device: index for index, device in enumerate(every)}
     reach, speed = extremes(force[:-1], every, spec.sample_time)
     found: list[WorstMotion] = []
-    for (name, words, _), some in zip(regions, devices, strict=True):
+    for (name, words, _), some in zip(boxes, devices, strict=True):
         index = [place[device] for device in some]
         spread = BETWEEN if len(some) > 1 else 1.0
         found.append(
@@ -288,7 +312,8 @@ def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[WorstMotion,
     return tuple(found)
 
 
-def _regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
+def regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
+    """Name, words and box of the sets of devices that a user may really have."""
     stated = Region.stated(spec)
     unit = "N" if spec.motion == "linear" else "N·m"
     yield "stated", "the guesses as stated", stated
@@ -302,6 +327,28 @@ def _regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
         "both",
         f"guessed {_WRONG:g} times wrong and pulled by {max(_UNPLANNED):.0%}",
         twice.pulled(max(_UNPLANNED) * spec.force),
+    )
+
+
+def motions_beyond(spec: ExcitationSpec, worst: Sequence[WorstMotion]) -> tuple[WorstMotion, ...]:
+    """Which motions leave the travel or the speed allowed."""
+    speed = spec.speed or np.inf
+    return tuple(each for each in worst if each.travel > spec.travel or each.speed > speed)
+
+
+def describe_impossible(spec: ExcitationSpec, used: Used) -> tuple[str, str]:
+    """What no force can keep, and what to do."""
+    if used.travel == used.most:
+        return (
+            f"however small the force, some device within the guesses moves {used.travel:.2g} "
+            f"times the travel of {spec.travel:g} in {spec.duration:g} s",
+            "Without a spring an unknown friction or offset makes a device drift: narrow the "
+            "ranges of coulomb_friction and force_offset (gentle: true plans a first play that "
+            "tells them), shorten the duration, or allow more travel",
+        )
+    return (
+        f"no force keeps every device within the guesses below the speed of {spec.speed:g}",
+        "Allow more speed, or narrow the ranges of the guesses",
     )
 
 
@@ -467,6 +514,13 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
             spec.device,
             f"is {device.motion}, the excitation {spec.motion}",
             "Give the device that the force is for, and its motion",
+        )
+    if device.axes is not None and device.axes != spec.axes:
+        known, given = ", ".join(device.axes), ", ".join(spec.axes or (spec.axis,))
+        raise InvalidInputError(
+            spec.device,
+            f"is of the axes {known}, the excitation of {given}",
+            f"Give axes: [{known}], which are driven together",
         )
     if device.position_stiffness is not None or device.gravity is not None:
         raise InvalidInputError(

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from datasets_synthetic import Controller, Rig, VirtualElement
-    from identification import Excitation
+    from identification import AxesExcitation, Excitation
     from tune.documents.profile import Design, ElementProfile
 
     _Part = tuple[ElementProfile, int, float]
@@ -187,18 +187,25 @@ def excite_command(
     ] = None,
     dry_run: DryRun = False,
 ) -> None:
-    """Plan a force that tells mass and damping best within limits. Drives no hardware."""
+    """Plan a force that tells mass and damping best within limits. Drives no hardware.
+
+    With axes: [x, y] in the file, a force for each, so that the axes can be told apart.
+    """
     session.target(output, spec)
     session.target(picture, spec, output)
     wanted = ident.load_excitation(spec)
     with session.progress() as say:
-        plan = ident.plan_excitation(wanted, progress=say)
+        if wanted.axes is None:
+            plan = ident.plan_excitation(wanted, progress=say)
+            details, shown = _plan_details(plan), (_excitation_table(plan), _prediction_line(plan))
+        else:
+            plan = ident.plan_axes(wanted, progress=say)
+            details, shown = _axes_details(plan), (_axes_table(plan), _axes_line(plan))
         text = ident.force_text(plan)
     rows = text.count("\n") - 1
-    session.details |= _plan_details(plan) | {"rows": rows}
-    session.say(_excitation_table(plan))
-    session.say(_prediction_line(plan))
-    session.say(_worst_table(plan))
+    session.details |= details | _limits_details(plan) | {"rows": rows}
+    for each in (*shown, _worst_table(plan)):
+        session.say(each)
     if plan.beyond and wanted.device is None:
         session.warn(_beyond_limits(plan))
     if wanted.gentle:
@@ -215,7 +222,7 @@ def excite_command(
     session.draw(picture, lambda: ident.excitation_picture(plan))
 
 
-def _units(plan: Excitation) -> dict[str, str]:
+def _units(plan: Excitation | AxesExcitation) -> dict[str, str]:
     from tune.documents.scene import UNITS
 
     return UNITS[plan.spec.motion]
@@ -241,7 +248,41 @@ def _excitation_table(plan: Excitation) -> Table:
     return table
 
 
-def _worst_table(plan: Excitation) -> Table:
+def _axes_table(plan: AxesExcitation) -> Table:
+    """One row an entry of the matrices: its guess and the half-width of its interval."""
+    from tune.presentation.tables import headed_table
+
+    spec, units = plan.spec, _units(plan)
+    table = headed_table(
+        f"{spec.name}, axes {', '.join(plan.axes)}: {spec.duration:g} s, 95 % intervals as "
+        "identify states them",
+        ("entry", "guess", "interval", "unit"),
+        right=("guess", "interval"),
+    )
+    for entry, half in plan.expected.items():
+        name, row, column = entry.split("_", 1)[0], *_axes_of(entry, plan.axes)
+        guess = getattr(spec, name).value if row == column else 0.0
+        table.add_row(f"{name} {row},{column}", f"{guess:g}", f"± {half:.3g}", units[name])
+    return table
+
+
+def _axes_line(plan: AxesExcitation) -> str:
+    """Lines of each axis, what the forces use of the limits, and of what device that is told."""
+    used = f"force {plan.used.force:.0%}, travel {plan.used.travel:.0%}"
+    used += "" if plan.spec.speed is None else f", speed {plan.used.speed:.0%}"
+    return (
+        f"multisines with lines of their own: {plan.description}; of the limits they use {used}. "
+        "The intervals are those of the guessed device, its axes not coupled"
+    )
+
+
+def _axes_of(entry: str, axes: Sequence[str]) -> tuple[str, str]:
+    """Axes in the name of an entry, such as mass_x_y."""
+    pairs = ((one, other) for one in axes for other in axes)
+    return next(pair for pair in pairs if entry.partition("_")[2] == "_".join(pair))
+
+
+def _worst_table(plan: Excitation | AxesExcitation) -> Table:
     """One row a set of devices: how far and how fast the played force moves the worst of them."""
     from tune.presentation.tables import headed_table
 
@@ -259,7 +300,7 @@ def _worst_table(plan: Excitation) -> Table:
     return table
 
 
-def _beyond_limits(plan: Excitation) -> str:
+def _beyond_limits(plan: Excitation | AxesExcitation) -> str:
     spec, units = plan.spec, _units(plan)
     allowed = f"travel {spec.travel:g} {units['length']}"
     if spec.speed is not None:
@@ -277,12 +318,21 @@ def _beyond_limits(plan: Excitation) -> str:
     )
 
 
+def _axes_details(plan: AxesExcitation) -> dict[str, object]:
+    return {
+        "candidates": [
+            {"signal": "multisine", "axis": axis, "lines_hz": lines.tolist()}
+            for axis, lines in zip(plan.axes, plan.lines, strict=True)
+        ],
+        "predicted": plan.expected,
+        "stated": plan.expected,
+    }
+
+
 def _plan_details(plan: Excitation) -> dict[str, object]:
     spec = plan.spec
     mass, damping = plan.best.prediction.stated
     return {
-        "duration": spec.duration,
-        "limits": {"force": spec.force, "travel": spec.travel, "speed": spec.speed},
         "candidates": [
             {
                 "signal": each.family,
@@ -297,9 +347,17 @@ def _plan_details(plan: Excitation) -> dict[str, object]:
             }
             for each in plan.candidates
         ],
-        "guesses": {"mass": spec.mass.value, "damping": spec.damping.value},
         "predicted": {"mass": plan.mass, "damping": plan.damping},
         "stated": {"mass": mass, "damping": damping},
+    }
+
+
+def _limits_details(plan: Excitation | AxesExcitation) -> dict[str, object]:
+    spec = plan.spec
+    return {
+        "duration": spec.duration,
+        "limits": {"force": spec.force, "travel": spec.travel, "speed": spec.speed},
+        "guesses": {"mass": spec.mass.value, "damping": spec.damping.value},
         "worst": [
             {
                 "device": each.name,

@@ -1,0 +1,348 @@
+"""Forces that excite all axes of a device together, so that they can be told apart.
+
+Every axis is driven by a multisine with lines of its own, every n-th of those of one axis: what an
+axis shows at the lines of another comes from the coupling between them (Pintelon and Schoukens,
+System Identification, 2nd edition, 2.7). Odd lines of one base frequency keep the motion of all
+axes its own opposite half a period later. The devices of the guesses that may go farthest, coupled
+ones among them, are simulated exactly and all forces scaled by one factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import InvalidInputError, UsageError
+from identification.estimators.estimate import UNKNOWN_FORCE, symmetric_inverse
+from identification.estimators.joint import JointModel
+from identification.estimators.joint_motion import DevicesOfAxes
+from identification.planning.information import Answer, DesignGrid, Response
+from identification.planning.limits import (
+    BETWEEN,
+    ExcitationSpec,
+    Region,
+    Used,
+    WorstMotion,
+    describe_impossible,
+    gentle_spec,
+    motions_beyond,
+    regions,
+)
+from identification.planning.signals import (
+    fit_to_limits,
+    line_sets,
+    multisine,
+    opposing_force,
+    rounded,
+)
+from identification.trajectory import NORMAL_95
+
+FloatArray = NDArray[np.float64]
+
+#: Lines of each axis at least: fewer cannot tell damping from friction.
+_FEWEST_LINES = 2
+#: Levels of friction looked at, and of mass and damping where the axes are not coupled.
+_LEVELS = 3
+#: Samples of axes of devices that are simulated at once: some 500 MB.
+_AT_ONCE = 10_000_000
+#: Part of a size by which a parameter is moved for the slope of the motion by it, ...
+_NUDGE = 1e-6
+#: ... and of a sample, by which the delay is.
+_LATER = 1e-3
+#: Directions this much weaker than the strongest tell nothing.
+_SINGULAR = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxesExcitation:
+    """Planned forces of several axes and what they are predicted to tell.
+
+    Attributes:
+        spec: limits and guesses it was planned for, as of one axis.
+        force: N (N·m), shape (n, axes), held from sample to sample, zero at both ends.
+        lines: frequencies of each axis, Hz.
+        motion: of the guessed device, whose axes are not coupled; arrays of shape (n, axes).
+        expected: half-width of the 95 % interval of each entry of mass and damping, by its name:
+            the Cramér-Rao bound of the guessed device, with what identify adds to it.
+        used: largest parts of the limits that any axis of the worst device uses.
+        worst: how far and how fast the forces move devices other than guessed.
+    """
+
+    spec: ExcitationSpec
+    force: FloatArray
+    lines: tuple[FloatArray, ...]
+    motion: Answer
+    expected: dict[str, float]
+    used: Used
+    worst: tuple[WorstMotion, ...]
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the axes."""
+        return self.spec.axes or ()
+
+    @property
+    def time(self) -> FloatArray:
+        """s, shape (n,)."""
+        return np.arange(len(self.force), dtype=np.float64) * self.spec.sample_time
+
+    @property
+    def beyond(self) -> tuple[WorstMotion, ...]:
+        """Which of the worst motions leave the travel or the speed allowed."""
+        return motions_beyond(self.spec, self.worst)
+
+    @property
+    def description(self) -> str:
+        """The frequencies in words."""
+        parts = (
+            f"{axis} {each.size} lines, {each[0]:.3g} to {each[-1]:.3g} Hz"
+            for axis, each in zip(self.axes, self.lines, strict=True)
+        )
+        return "; ".join(parts)
+
+
+def plan_axes(
+    spec: ExcitationSpec, *, progress: Callable[[str], None] | None = None
+) -> AxesExcitation:
+    """Multisines that tell the mass and damping matrices of several axes, driven all together.
+
+    Args:
+        spec: limits of every axis, guesses of every direction.
+        progress: called with a sentence before each part of the work.
+
+    Raises:
+        InvalidInputError: the time is too short for lines of their own, or no force keeps every
+            device the guesses allow within the limits.
+        UsageError: there is one axis only.
+    """
+    if spec.axes is None:
+        raise UsageError("axes", "are not given", "Name them, or plan one with plan_excitation")
+
+    def say(sentence: str) -> None:
+        if progress is not None:
+            progress(sentence)
+
+    wanted = gentle_spec(spec) if spec.gentle else spec
+    count = len(spec.axes)
+    bench = DesignGrid.of(wanted)
+    say(f"designing multisines of {count} axes")
+    net, lines = _net_forces(bench, count)
+    devices = _devices(Region.stated(wanted), count)
+    spread = BETWEEN if wanted.ranges else 1.0
+    say(f"fitting them to the limits on {len(devices.mass)} devices")
+    against = np.stack([opposing_force(wanted, each) for each in net.T], axis=1)
+    found = fit_to_limits(
+        lambda scale: np.stack(
+            [rounded(each, wanted.force) for each in (scale * net + against).T], axis=1
+        ),
+        lambda force: _used(wanted, force, devices, spread),
+    )
+    if isinstance(found, Used):
+        raise InvalidInputError("excitation", *describe_impossible(wanted, found))
+    force, used = found
+    say("looking for the devices that go farthest")
+    motion, expected = _predicted(force, wanted)
+    return AxesExcitation(
+        spec=wanted,
+        force=force,
+        lines=lines,
+        motion=motion,
+        expected=expected,
+        used=used,
+        worst=_worst_motions(spec, force, count),
+    )
+
+
+def _net_forces(bench: DesignGrid, count: int) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """Net forces at the middles of the samples, N, shape (n, axes), and the lines of each, Hz.
+
+    The set of lines is that of the least merit, summed over the axes.
+    """
+    spec = bench.spec
+    middles = (np.arange(spec.samples, dtype=np.float64) + 0.5) * spec.sample_time
+    best: tuple[float, FloatArray, tuple[FloatArray, ...]] | None = None
+    for lines, seed in line_sets(bench):
+        parts = [lines[axis::count] for axis in range(count)]
+        if min(part.size for part in parts) < _FEWEST_LINES:
+            continue
+        shapes = [multisine(bench, part, seed) for part in parts]
+        merit = sum(bench.score(shape.force(bench.time))[0] for shape in shapes)
+        if best is None or merit < best[0]:
+            net = np.stack([shape.force(middles) for shape in shapes], axis=1)
+            best = merit, net, tuple(part / spec.duration for part in parts)
+    if best is None:
+        least = 2 * _FEWEST_LINES * count / bench.highest
+        raise InvalidInputError(
+            "excitation",
+            f"in {spec.duration:g} s there are no {_FEWEST_LINES} lines for each of {count} axes "
+            f"below {bench.highest:.3g} Hz, above which the device hardly moves",
+            f"Give a duration of {least:.2g} s or more",
+        )
+    return best[1], best[2]
+
+
+def _devices(region: Region, count: int) -> DevicesOfAxes:
+    """The devices that may go farthest: alike in every direction, or coupled between two axes.
+
+    A coupled one is lightest along one diagonal of two axes and heaviest across it, its damping
+    least along either. All axes have the same friction; constant forces pull each pair of
+    neighbours alike or against each other.
+    """
+    (light, heavy), (least, most) = region.mass, region.damping
+    eye = np.eye(count)
+    masses, dampings = (np.linspace(*ends, _LEVELS) for ends in (region.mass, region.damping))
+    sides = {(light, each) for each in dampings.tolist()}
+    sides |= {(each, least) for each in masses.tolist()}
+    matrices = [(mass * eye, damping * eye) for mass, damping in sorted(sides)]
+    if (light, least) != (heavy, most):
+        for one, other in combinations(range(count), 2):
+            for sense in (1.0, -1.0):
+                along = (eye[one] + sense * eye[other]) / np.sqrt(2)
+                across = (eye[one] - sense * eye[other]) / np.sqrt(2)
+                for near, far in ((least, most), (most, least)):
+                    mass = light * eye + (heavy - light) * np.outer(across, across)
+                    damping = least * eye + (near - least) * np.outer(along, along)
+                    damping += (far - least) * np.outer(across, across)
+                    matrices.append((mass, damping))
+    frictions: list[float] = np.unique(np.linspace(*region.friction, _LEVELS)).tolist()
+    patterns = product(region.offset, repeat=2)
+    offsets = sorted({tuple(ends[k % 2] for k in range(count)) for ends in patterns})
+    every = list(product(matrices, frictions, offsets))
+    return DevicesOfAxes(
+        mass=np.stack([mass for (mass, _), _, _ in every]),
+        damping=np.stack([damping for (_, damping), _, _ in every]),
+        friction=np.stack([np.full(count, friction) for _, friction, _ in every]),
+        offset=np.array([offset for _, _, offset in every]),
+        delay=np.zeros(len(every)),
+        speed=np.zeros((len(every), count)),
+        place=np.zeros((len(every), count)),
+    )
+
+
+def _extremes(
+    devices: DevicesOfAxes, force: FloatArray, step: float
+) -> tuple[FloatArray, FloatArray]:
+    """Largest |position| and |velocity| of any axis of each device, from rest, shape (devices,)."""
+    many = len(devices.mass)
+    parts = min(many, int(np.ceil(many * force.size / _AT_ONCE)))
+    found: list[FloatArray] = []
+    for low, high in pairwise(np.linspace(0, many, parts + 1).astype(int).tolist()):
+        some = {name: getattr(devices, name)[low:high] for name in DevicesOfAxes.__slots__}
+        place = DevicesOfAxes(**some).positions(force, step, 0)
+        speed = np.diff(place, axis=0) / step
+        found.append(np.stack([np.max(np.abs(each), axis=(0, 2)) for each in (place, speed)]))
+    reach, fastest = np.concatenate(found, axis=1)
+    return reach, fastest
+
+
+def _used(spec: ExcitationSpec, force: FloatArray, devices: DevicesOfAxes, spread: float) -> Used:
+    """Parts of the limits that the worst axis of the worst device uses."""
+    reach, speed = _extremes(devices, force, spec.sample_time)
+    return Used(
+        force=float(np.max(np.abs(force))) / spec.force,
+        travel=spread * float(np.max(reach)) / spec.travel,
+        speed=0.0 if spec.speed is None else spread * float(np.max(speed)) / spec.speed,
+    )
+
+
+def _worst_motions(spec: ExcitationSpec, force: FloatArray, count: int) -> tuple[WorstMotion, ...]:
+    """Worst travel and speed of any axis over the devices that a user may really have."""
+    sets = list(regions(spec))
+    devices = [_devices(region, count) for _, _, region in sets]
+    every = DevicesOfAxes(
+        **{
+            name: np.concatenate([getattr(each, name) for each in devices])
+            for name in DevicesOfAxes.__slots__
+        }
+    )
+    reach, speed = _extremes(every, force, spec.sample_time)
+    ends = np.cumsum([len(each.mass) for each in devices])[:-1]
+    found: list[WorstMotion] = []
+    for (name, words, _), far, fast in zip(
+        sets, np.split(reach, ends), np.split(speed, ends), strict=True
+    ):
+        spread = BETWEEN if len(far) > 1 else 1.0
+        found.append(
+            WorstMotion(
+                name=name,
+                words=words,
+                travel=spread * float(np.max(far)),
+                speed=spread * float(np.max(fast)),
+            )
+        )
+    return tuple(found)
+
+
+def _predicted(force: FloatArray, spec: ExcitationSpec) -> tuple[Answer, dict[str, float]]:
+    """Motion of the guessed device, and half-widths of the entries of its matrices.
+
+    Friction, offset, start and, where it is not known, the delay take their share, as of one axis.
+    """
+    guess, step, axes = spec.guess, spec.sample_time, spec.axes or ()
+    count = len(axes)
+    model = JointModel(axes=axes, coulomb=(guess.coulomb_friction > 0,) * count)
+    same = np.array([row == column for row, column in model.pairs], dtype=np.float64)
+    rough = guess.coulomb_friction * np.ones(sum(model.coulomb))
+    values = np.concatenate(
+        (guess.mass * same, guess.damping * same, rough, np.full(count, guess.force_offset))
+    )
+    late = np.zeros(int(spec.delay == "unknown"))
+    theta = np.concatenate((values, late, np.zeros(2 * count)))
+    middle = _played(model, theta[None], force, step)[:, 0]
+    speed = np.diff(middle, axis=0) / step
+    fast, pushed = float(np.max(np.abs(speed))), float(np.max(np.abs(force)))
+    sizes = _NUDGE * np.concatenate(
+        (
+            np.full(same.size, guess.mass),
+            np.full(same.size, pushed / fast),
+            np.full(rough.size + count, pushed),
+            late + _LATER * step / _NUDGE,
+            np.full(count, fast),
+            np.full(count, spec.travel),
+        )
+    )
+    found = _played(model, np.vstack((theta, theta + np.diag(sizes))), force, step)
+    slopes = np.moveaxis((found[:, 1:] - found[:, :1]) / sizes[:, None], 1, 0)
+    response = Response(
+        rate=guess.rate,
+        step=step,
+        count=len(force),
+        noise=spec.reading_noise,
+        acceleration_noise=spec.force_noise / guess.mass,
+    )
+    white = np.stack([[response.whitened(each) for each in slope.T] for slope in slopes])
+    columns = white.reshape(len(theta), -1)
+    norms = np.linalg.norm(columns, axis=1)
+    seen = np.flatnonzero(norms > 0)  # what friction holds at first forgets how it started
+    unit = columns[seen] / norms[seen, None]
+    covariance = symmetric_inverse(unit @ unit.T, _SINGULAR) / np.outer(norms[seen], norms[seen])
+    signal = values[: same.size] @ columns[: same.size]
+    covariance = covariance * (1 + UNKNOWN_FORCE**2 * float(signal @ signal))
+    half = NORMAL_95 * np.sqrt(np.diag(covariance)[: 2 * same.size])
+    velocity = np.concatenate((np.zeros((1, count)), speed))
+    names = model.parameters[: 2 * same.size]
+    motion = Answer(position=middle, velocity=velocity)
+    return motion, dict(zip(names, half.tolist(), strict=True))
+
+
+def _played(model: JointModel, thetas: FloatArray, force: FloatArray, step: float) -> FloatArray:
+    """Positions of devices by their parameters, m, shape (n, devices, axes)."""
+    count = len(model.axes)
+    matrices = [model.matrices(each) for each in thetas]
+    by_axis: Sequence[tuple[FloatArray, FloatArray]] = [model.friction(each) for each in thetas]
+    size = len(model.parameters)
+    late = thetas[:, size] if thetas.shape[1] > size + 2 * count else np.zeros(len(thetas))
+    devices = DevicesOfAxes(
+        mass=np.stack([mass for mass, _ in matrices]),
+        damping=np.stack([damping for _, damping in matrices]),
+        friction=np.stack([friction for friction, _ in by_axis]),
+        offset=np.stack([offset for _, offset in by_axis]),
+        delay=late,
+        speed=thetas[:, -2 * count : -count],
+        place=thetas[:, -count:],
+    )
+    return devices.positions(force, step, 0)

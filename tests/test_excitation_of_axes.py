@@ -1,0 +1,152 @@
+"""Forces planned for several axes together, played on devices that the plan does not know."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from datasets_synthetic import Motions, RigOfAxes
+from identification import (
+    AxesExcitation,
+    ExcitationSpec,
+    Hardware,
+    InvalidInputError,
+    UsageError,
+    identify,
+    parse_document,
+    plan_axes,
+    plan_excitation,
+    to_yaml,
+)
+from tests.commands import haptune
+from tests.planar import tangled
+
+FloatArray = NDArray[np.float64]
+STEP, COUNT = 1e-3, 6e-6
+LIMITS: dict[str, Any] = {
+    "name": "planar",
+    "axes": ["x", "y"],
+    "sample_time": STEP,
+    "duration": 2.0,
+    "ramp": 0.3,
+    "force": 9.0,
+    "travel": 0.04,
+    "speed": 1.0,
+    "mass": {"value": 3.0, "low": 2.0, "high": 4.5},
+    "damping": {"value": 10.0, "low": 8.0, "high": 14.0},
+    "coulomb_friction": {"value": 0.5, "low": 0.4, "high": 0.6},
+    "encoder_resolution": COUNT,
+}
+
+
+def spec(**given: Any) -> ExcitationSpec:
+    return parse_document(ExcitationSpec, LIMITS | given, "spec")
+
+
+@cache
+def planned() -> AxesExcitation:
+    return plan_axes(spec())
+
+
+def played(plan: AxesExcitation, mass: FloatArray, damping: FloatArray, friction: float) -> Motions:
+    rig = RigOfAxes(
+        mass=mass[None],
+        damping=damping[None],
+        sample_time=STEP,
+        delay=0.0,
+        coulomb_friction=np.full((1, len(mass)), friction),
+        force_offset=np.zeros((1, len(mass))),
+        encoder_resolution=COUNT,
+        position_noise=0.0,
+    )
+    return rig.run(plan.force[None], seed=1)
+
+
+def test_axes_have_lines_of_their_own_and_all_limits_are_kept() -> None:
+    """Any device of the guesses, coupled as it may be; somewhere nearly all of a limit is used."""
+    plan = planned()
+    assert not {*plan.lines[0].tolist()} & {*plan.lines[1].tolist()}
+    assert np.all(plan.force[[0, -1]] == 0)
+    assert np.max(np.abs(plan.force)) <= 9.0
+    assert 0.9 < plan.used.travel <= 1.0
+    chance = np.random.default_rng(34)
+    farthest = 0.0
+    for _ in range(12):
+        mass, damping = tangled(chance, 2, 2.25, 2.0), tangled(chance, 2, 1.75, 8.0)
+        seen = played(plan, mass, damping, float(chance.uniform(0.4, 0.6)))
+        farthest = max(farthest, float(np.max(np.abs(seen.truth))))
+        assert np.max(np.abs(seen.speed)) <= 1.0
+    assert 0.02 < farthest <= 0.04
+
+
+def test_intervals_are_those_that_identify_states() -> None:
+    """Within a factor of two, as one log tells them; of a coupled device as well."""
+    plan = planned()
+    facts = {"axes": ["x", "y"], "motion": "linear", "sample_time": STEP, "delay": 0.0}
+    limit = {"continuous": 9.0, "peak": 28.0}
+    facts |= {"encoder_resolution": COUNT, "force_limit": limit}
+    hardware = parse_document(Hardware, facts, "hardware")
+    for across in (0.0, 0.8):
+        mass, damping = (
+            np.array([[own, across * share], [across * share, own]])
+            for own, share in ((3.0, 1.0), (10.0, 2.0))
+        )
+        found = identify(played(plan, mass, damping, 0.5).log(), hardware=hardware)
+        assert found.device.poses is not None
+        told = found.device.poses[0].covariance
+        half = 1.96 * np.sqrt(np.diag(np.array(told.matrix)))
+        predicted = np.array([plan.expected[name] for name in told.parameters])
+        assert np.all(half < 2 * predicted)
+        assert np.all(half > predicted / 2)
+        assert np.allclose(found.device.poses[0].mass, mass, atol=1e-3)
+
+
+def test_what_cannot_be_planned_is_refused_in_a_sentence() -> None:
+    with pytest.raises(InvalidInputError, match=r"no 2 lines for each of 6 axes.*Give a duration"):
+        plan_axes(spec(axes=list("abcdef"), duration=0.5, ramp=0.1))
+    with pytest.raises(InvalidInputError, match="axes are x, x; give each a name of its own"):
+        spec(axes=["x", "x"])
+    with pytest.raises(InvalidInputError, match="axes"):
+        spec(axes=["x"])
+    with pytest.raises(UsageError, match="Plan them with plan_axes"):
+        plan_excitation(spec())
+    with pytest.raises(UsageError, match="plan one with plan_excitation"):
+        plan_axes(spec(axes=None))
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.usefixtures("here")
+def test_the_command_writes_a_column_an_axis() -> None:
+    """A gentle play of what is hardly known, seen in a table and a picture."""
+    content = {name: each for name, each in LIMITS.items() if name != "speed"}
+    text = to_yaml({"schema": "haptune/excitation/1"} | content | {"gentle": True}, "")
+    Path("excitation.yaml").write_text(text, encoding="utf-8")
+    run = haptune("excite", "excitation.yaml", "-o", "force.csv", "--picture", "plan.png")
+    assert run.code == 0
+    assert "mass x,y" in run.out
+    assert "multisines with lines of their own: x " in run.out
+    header, first, *_ = Path("force.csv").read_text(encoding="utf-8").splitlines()
+    assert header == "time,force_x,force_y"
+    assert first == "0,0,0"
+    assert Path("plan.png").stat().st_size > 10_000
+
+
+@pytest.mark.usefixtures("here")
+def test_a_device_of_other_axes_is_refused() -> None:
+    assert haptune("demo", "--planar").code == 0
+    (device,) = Path.cwd().rglob("device.yaml")
+    content = LIMITS | {"axes": ["u", "v"], "device": str(device)}
+    text = to_yaml({"schema": "haptune/excitation/1"} | content, "")
+    Path("excitation.yaml").write_text(text, encoding="utf-8")
+    run = haptune("excite", "excitation.yaml", "-o", "force.csv")
+    assert run.code == 3
+    assert "is of the axes x, y, the excitation of u, v. Give axes: [x, y]" in run.err

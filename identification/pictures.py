@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,11 @@ def _draw_over_time(
 
 
 #: Inches.
-_WIDTH, _OF_A_LOG, _LINE, _AXIS = 15.0, 6.5, 0.2, 0.9
+_WIDTH, _OF_A_LOG, _LINE, _AXIS, _OF_ELLIPSES = 15.0, 6.5, 0.2, 0.9, 4.0
+#: Pairs of axes at most whose ellipses are drawn.
+_PAIRS = 3
+#: Lines of poses, one after the other.
+_STYLES = ("-", "--", "-.", ":")
 
 
 def identified_picture(
@@ -111,20 +116,64 @@ def identified_picture(
 ) -> Figure:
     """Each log with fit, residual, its spectrum and correlation, friction, response; intervals.
 
+    Of several axes that is of each axis alone; mass and damping of all directions are ellipses.
+
     Args:
         device: as identified from the logs.
         fits: of the logs, at least one.
         before: the device as it was known before, to compare with; None for none.
     """
     lines = _knowledge(device, fits, before)
-    heights = [*(_OF_A_LOG for _ in fits), _AXIS + _LINE * len(lines)]
-    figure = NotebookFigure(figsize=(_WIDTH, sum(heights)), layout="constrained")
-    grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
-    parts: list[SubFigure] = list(grid[:, 0])
+    known = {"now": device} | ({} if before is None else {"before": before})
+    *parts, last = _parts([*(_OF_A_LOG for _ in fits), _AXIS + _LINE * len(lines)], known)
     for part, fit in zip(parts, fits, strict=False):
         _draw_log(part, device.along(fit.trajectory.axis), fit)
-    _draw_intervals(parts[-1].subplots(1, len(_SYMBOLS)), lines, _units_of_symbols(device))
-    return figure
+    _draw_intervals(last.subplots(1, len(_SYMBOLS)), lines, _units_of_symbols(device))
+    return last.figure
+
+
+def _parts(heights: Sequence[float], devices: Mapping[str, Device]) -> list[SubFigure]:
+    """Parts of a new figure, one below another; ellipses of several axes are its end."""
+    several = {words: each for words, each in devices.items() if each.poses is not None}
+    every = [*heights, *([_OF_ELLIPSES] if several else [])]
+    figure = NotebookFigure(figsize=(_WIDTH, sum(every)), layout="constrained")
+    grid: Any = figure.subfigures(len(every), 1, height_ratios=every, squeeze=False)
+    parts: list[SubFigure] = list(grid[:, 0])
+    if several:
+        _draw_ellipses(parts.pop(), several)
+    return parts
+
+
+def _draw_ellipses(part: SubFigure, devices: Mapping[str, Device]) -> None:
+    """Λ·u and D·u for every direction u of two axes: half axes are the principal values.
+
+    One line a pose; of more than two axes, what each two make together while the others rest.
+    """
+    first = next(iter(devices.values()))
+    names, units = first.axes or (), _units_of_symbols(first)
+    pairs = list(combinations(range(len(names)), 2))[:_PAIRS]
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    circle = np.stack((np.cos(angle), np.sin(angle)))
+    every: Any = part.subplots(1, 2 * len(pairs), squeeze=False)
+    for place, axes in enumerate(every[0]):
+        which, pair = ("mass", "damping")[place // len(pairs)], pairs[place % len(pairs)]
+        for color, (words, device) in enumerate(devices.items()):
+            for number, pose in enumerate(device.poses or ()):
+                matrix = np.array(getattr(pose, which))[np.ix_(pair, pair)]
+                label = words if len(device.poses or ()) == 1 else f"{words}, pose {number + 1}"
+                dashes = _STYLES[number % len(_STYLES)]
+                axes.plot(*(matrix @ circle), dashes, lw=1.5, color=f"C{color}", label=label)
+                values, vectors = np.linalg.eigh(matrix)
+                for value, vector in zip(values, vectors.T, strict=True):
+                    axes.plot(*np.outer(vector, [-value, value]), lw=0.6, color=f"C{color}")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel(f"{which} along {names[pair[0]]}, {units[which]}", fontsize=8)
+        axes.set_ylabel(f"along {names[pair[1]]}", fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.grid(visible=True, lw=0.3)
+    if sum(len(each.poses or ()) for each in devices.values()) > 1:
+        legend_above(every[0][-1])
+    part.suptitle("every direction: half axes are the principal masses and dampings", fontsize=9)
 
 
 def _units_of_symbols(device: Device) -> dict[str, str]:
@@ -147,10 +196,10 @@ def devices_picture(devices: Mapping[str, Device]) -> Figure:
         devices: by the words that stand beside each line, from top to bottom; of one motion.
     """
     lines = [_of_device(each, words, "#0072B2") for words, each in devices.items()]
-    figure = NotebookFigure(figsize=(_WIDTH, _AXIS + 2 * _LINE * len(lines)), layout="constrained")
+    (part,) = _parts([_AXIS + 2 * _LINE * len(lines)], devices)
     units = _units_of_symbols(next(iter(devices.values())))
-    _draw_intervals(figure.subplots(1, len(_SYMBOLS)), lines, units)
-    return figure
+    _draw_intervals(part.subplots(1, len(_SYMBOLS)), lines, units)
+    return part.figure
 
 
 def log_picture(trajectory: Trajectory) -> Figure:

@@ -138,6 +138,15 @@ def test_filtered_methods_agree_with_the_truth() -> None:
         assert {log.method for log in device.logs} == {method}
 
 
+def test_ellipses_have_the_principal_masses_as_half_axes(planar: Device) -> None:
+    picture = ident.devices_picture({"now": planar, "a year ago": planar})
+    (axes,) = (each for each in picture.axes if each.get_xlabel() == "mass along x, kg")
+    ellipses = [np.array(line.get_data()) for line in axes.lines if len(line.get_xdata()) > 2]  # pyright: ignore[reportArgumentType]
+    assert len(ellipses) == 2
+    radius = np.linalg.norm(ellipses[0], axis=0)
+    assert np.allclose([radius.min(), radius.max()], [2.0, 4.0], rtol=0.01)
+
+
 def test_poses_are_enveloped() -> None:
     """Two logs at two poses: every direction of both is in the box."""
     seen = [motion(part * MASS, DAMPING, FRICTION, seed=5) for part in (1.0, 1.5)]

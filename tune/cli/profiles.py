@@ -158,10 +158,10 @@ def demo_command(
     fit = found.logs[0]
     session.draw(
         Path("identification.png"),
-        lambda: ident.fit_picture(
-            fit.trajectory,
-            found.device.along(fit.trajectory.axis),
-            delay=fit.estimate.delay,
+        lambda: (
+            ident.identified_picture(found.device, found.logs)
+            if planar
+            else ident.fit_picture(fit.trajectory, found.device, delay=fit.estimate.delay)
         ),
     )
     session.draw(Path("profile.png"), lambda: profile_picture(profile))

@@ -31,6 +31,7 @@ FIGURES = {
     "loop_effects": 5,
     "study": 4,
     "estimators": 2,
+    "maze": 3,
 }
 
 
@@ -135,6 +136,18 @@ def test_a_best_cut_off_exists_beside_an_encoder(tmp_path: Path) -> None:
     assert [best[1], best[3]] == pytest.approx([32, 16], rel=0.1)  # as docs/theory.md says
     assert list(stiffness) == sorted(stiffness, reverse=True)
     assert best[3] < 0.7 * best[1]  # a coarser encoder wants more filtering
+
+
+@pytest.mark.long
+def test_a_hand_goes_along_the_walls_of_the_maze_and_through_its_door(tmp_path: Path) -> None:
+    """Tuned walls of 10 000 N/m at least hold it ten times as well as those of the paper."""
+    figures, text = _figures_and_text("maze", tmp_path)
+    assert len(figures) == FIGURES["maze"]
+    assert float(re.findall(r"wall (\d+) N/m", text)[0]) > 10_000
+    assert text.count("rooms: area 1, door, area 2") == 2
+    depths = _numbers(" ".join(re.findall(r"leans ([\d.]+) mm", text)))
+    assert depths[0] < 0.1 * depths[1]
+    assert max(_numbers(" ".join(re.findall(r"give ([\d.]+) N at most", text)))) <= 28.0
 
 
 @pytest.mark.long

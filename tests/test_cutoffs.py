@@ -71,6 +71,35 @@ def test_no_cutoffs_found_from_outside_are_a_percent_better(
     assert products[0] >= 0.99 * products[1]
 
 
+@pytest.mark.parametrize(
+    ("device", "more", "known"),
+    [
+        # The usual kind lies far below another at first, and is the best in the end.
+        ("emps", {}, 0.0),
+        # No mass can be kept: the kind of the velocity filter is chosen all the same.
+        pytest.param("knob", {}, 3.5, marks=pytest.mark.long),
+        # Not every effect can be kept beside a wall.
+        pytest.param("homerehab", {"wall": "firm"}, 0.0, marks=pytest.mark.long),
+    ],
+)
+def test_free_kinds_are_worth_no_less_than_the_usual_ones(
+    device: str, more: dict[str, str], known: float
+) -> None:
+    elements: dict[str, Any] = {"cup": {"damping": "max", "mass": "max"}}
+    if more:
+        elements["wall"] = {"stiffness": "max", "damping": "max", "one_sided": True}
+        elements["feather"] = {"mass": "min"}
+    margin = more.get("wall", "conservative")
+
+    def product(**kinds: str) -> float:
+        scene = {"elements": elements, "margin": margin, "loop": kinds}
+        found = optimise(load_device(device), Scene.model_validate(scene)).elements.values()
+        return math.prod(max(each, 1.0) for e in found for each in e.perceived_steps.values())
+
+    free = product(velocity_filter="free", acceleration_filter="free")
+    assert free >= max(product(), known)
+
+
 def test_a_wall_whose_damper_vanishes_beside_a_cut_off_is_tuned() -> None:
     """A slope by the cut-off was minus infinity, and the search for it ended in a traceback."""
     device = Device(

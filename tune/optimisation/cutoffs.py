@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from tune.documents import NoFeasibleEffectError
 from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import Cutoff, EffectName, Effects
 from tune.loop.loop import Filters, used_filters
-from tune.optimisation.backends import Evaluation, Rank, Scenario, program_of
+from tune.optimisation.backends import Scenario
 from tune.optimisation.feasibility import (
     largest_allowed,
     least_beside,
@@ -24,7 +24,7 @@ from tune.optimisation.feasibility import (
     passes_cheap_limits,
     stable_in_doubles,
 )
-from tune.optimisation.nash import SAME, Optimum, maximise, multipliers
+from tune.optimisation.nash import SAME, Optimum, maximise, slack_change
 from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, problem_of
 from tune.optimisation.solve import groups, optimum_of
 from tune.rendering import FASTEST
@@ -145,9 +145,10 @@ class _Search:
                 climbed.append(family)
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
-            reached, found = max(
-                (self._nearest(best, index, kind) for kind in self.kinds), key=lambda pair: pair[0]
-            )
+            own = _kind_of(best)
+            beside = [each for each in self.kinds if self._is_beside(best, each, index)]
+            nearest = [self._nearest(best, index, kind) for kind in (own, *beside)]
+            reached, found = max(nearest, key=lambda pair: pair[0])
             if reached >= 1:
                 self._refined(self._place(found), [index])
             after = self._least_good()
@@ -219,7 +220,14 @@ class _Search:
         else:
             # That all effects can be kept is not always soon told.
             self.kind = self.kinds[0]
-            return [self._filters(_most([(self._objective(each), each) for each in pairs]))]
+            first = self._filters(_most([(self._objective(each), each) for each in pairs]))
+            starts[first] = None
+            for index in reversed(free):
+                for kind in [each for each in self.kinds if self._is_beside(first, each, index)]:
+                    near = self._near(kind, first, index)
+                    found = _most([(self._objective(each), each) for each in near])
+                    starts[self._filters(found)] = None
+            return list(starts)
         for index in reversed(free) if len(self.kinds) > 1 else ():
             ordered = sorted(starts, key=self.tried.__getitem__)
             enough = self.tried[ordered[-1]].value - _FAMILY
@@ -229,8 +237,12 @@ class _Search:
                         each for each in self.kinds if self._is_beside(start, each, index)
                     ]:
                         starts |= dict.fromkeys(self._uphill(kind, start, index))
-        enough = max(self.tried[each].value for each in starts) - _LESS
-        return [each for each in starts if self.tried[each].value >= enough]
+        usual = [each for each in starts if _kind_of(each) == self.kinds[0]]
+        found = dict[Filters, None]()
+        for some in ([*starts], usual):
+            enough = max((self.tried[each].value for each in some), default=0.0) - _LESS
+            found |= dict.fromkeys(each for each in some if self.tried[each].value >= enough)
+        return [*found]
 
     def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
         """Points with the first choices of one cut-off, least filtering first."""
@@ -254,30 +266,33 @@ class _Search:
 
         Where none do near them, on the line across.
         """
-        point = self._place(filters)
-        self.kind = kind
-        low, *_, high, _ = self.axes[index].first
-        point[index] = min(point[index], high)
+        near = self._near(kind, filters, index)
         step = math.log(_COARSE) / 3
-
-        def beside(way: float) -> list[float]:
-            place = min(max(point[index] + way, low), high)
-            return [*point[:index], place, *point[index + 1 :]]
 
         def value(point: list[float]) -> float:
             objective = self._objective_of_all(point)
             return -math.inf if objective is None else objective.value
 
         # That one is not kept is soon told, so it is looked farther for where all are.
-        near = [beside(count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
         kept = (each for each in near if self._objective_of_all(each))
-        found = next(kept, None) or self._best_keeping_all(self._line(point, 1 - index))
-        if found is not None:
-            point = found
+        point = next(kept, None) or self._best_keeping_all(self._line(near[0], 1 - index))
+        if point is not None:
             for way in (-step, step):
-                while value(beside(way)) > value(point) + _TIED:
-                    point = beside(way)
+                while value(self._beside(point, index, way)) > value(point) + _TIED:
+                    point = self._beside(point, index, way)
             yield self._filters(point)
+
+    def _near(self, kind: Filters, filters: Filters, index: int) -> list[list[float]]:
+        """Points of a kind along one axis from where others are, the nearest first."""
+        point, step = self._place(filters), math.log(_COARSE) / 3
+        self.kind = kind
+        return [self._beside(point, index, count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
+
+    def _beside(self, point: list[float], index: int, way: float) -> list[float]:
+        """A point so far along one axis, as far as there are filters."""
+        low, *_, high, _ = self.axes[index].first
+        place = min(max(min(point[index], high) + way, low), high)
+        return [*point[:index], place, *point[index + 1 :]]
 
     def _hills(self, line: Sequence[list[float]]) -> Iterator[Filters]:
         """Filters of a line, the first without one, that are worth as much as those beside.
@@ -340,7 +355,8 @@ class _Search:
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
         radius = math.log(_COARSE) / 2
-        known = max(objective.value for objective in self.tried.values() if objective.kept >= kept)
+        mine = (worth for each, worth in self.tried.items() if _kind_of(each) == self.kind)
+        known = max(worth.value for worth in mine if worth.kept >= kept)
         gain = _SAME * self.unit
         found = maximise(value, slopes, start, ends, radius=radius, gain=gain, known=known)
         # Where a cut-off ends at the highest, none at all may be worth more.
@@ -557,7 +573,7 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
         most = spring.steps(float(summit[0]))
         if sizes[0] <= spring.size_at(most - spring.yields) * (1 + _TIED):
             alone = np.array([1.0, 0.0])
-            rise = _slack_change(problem, beside, alone, summit, [optimum.scenarios])
+            rise = slack_change(problem, beside, alone, summit, [optimum.scenarios])
             if rise is not None:
                 least = spring.size_at(most * np.exp(rise) - spring.yields)
                 moved_sizes = np.array([float(least), sizes[1]])
@@ -565,38 +581,12 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
                 if np.isfinite(value):
                     return value - found.objective.value
     shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
-    slack = _slack_change(problem, beside, np.array(_weights(task, problem)), sizes, shown)
+    slack = slack_change(problem, beside, np.array(_weights(task, problem)), sizes, shown)
     if slack is not None:
         return change + slack
     # Where one rank came before the next no sum of both is at its largest.
     again = tune_with_filters(task, elements, moved, found).objective
     return again.value - found.objective.value if again.kept == found.objective.kept else change
-
-
-def _slack_change(
-    problem: Problem,
-    beside: Problem,
-    weights: FloatArray,
-    sizes: FloatArray,
-    shown: Sequence[Iterable[Scenario]],
-) -> float | None:
-    """What the limits of a problem beside leave more to a weighed sum at its largest, at first.
-
-    None where the sizes are no optimum with the corners of any of those that are shown.
-    """
-    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
-    for scenarios in map(sorted, shown):
-        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
-        if prices is not None:
-            rows = [
-                Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
-                for each in (problem, beside)
-            ]
-            if rows[0].size != rows[1].size:
-                return 0.0
-            binding = prices > 0
-            return -float(prices[binding] @ (rows[1] - rows[0])[binding])
-    return None
 
 
 def _value_alone(

@@ -486,6 +486,32 @@ def solve_linear_program(
     return np.asarray(found["x"], dtype=np.float64).ravel()
 
 
+def slack_change(
+    problem: Problem,
+    beside: Problem,
+    weights: FloatArray,
+    sizes: FloatArray,
+    shown: Sequence[Iterable[Scenario]],
+) -> float | None:
+    """What the limits of a problem beside leave more to a weighed sum at its largest, at first.
+
+    None where the sizes are no optimum with the corners of any of those that are shown.
+    """
+    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
+    for scenarios in map(sorted, shown):
+        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
+        if prices is not None:
+            rows = [
+                Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
+                for each in (problem, beside)
+            ]
+            if rows[0].size != rows[1].size:
+                return 0.0
+            binding = prices > 0
+            return -float(prices[binding] @ (rows[1] - rows[0])[binding])
+    return None
+
+
 def maximise(
     value: Callable[[Sequence[float]], float],
     slopes: Callable[[Sequence[float]], Sequence[float]],

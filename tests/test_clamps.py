@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from identification import Device, load_device
+from identification import Device, ForceLimit, load_device, quantity
 from tune import SafeProfile, Scene, optimise
 
 WALL = {"stiffness": "max", "damping": "max", "one_sided": True}
@@ -138,3 +138,34 @@ def test_what_no_wall_can_meet_is_kept_apart_and_said_so() -> None:
     assert profile.apart == (("block", "wall"),)
     assert any(note.startswith("kept apart: block and wall") for note in profile.notes)
     assert profile.elements["wall"].stiffness > STIFF["homerehab"]
+
+
+@pytest.mark.parametrize(
+    ("numbers", "beside"),
+    [
+        # m, b, T, delay, friction, count, force: what the proof is short of shrinks slowly.
+        ((0.479, 0.8662, 2e-3, 0.0, 0.267, 2.06e-6, 9.52), {"damping": "max", "mass": "max"}),
+        ((5.66, 6.453, 2e-3, 4e-3, 0.683, 7.93e-6, 81.5), {"damping": "max"}),
+    ],
+)
+def test_a_wall_that_can_be_proved_beside_an_element_is_not_kept_apart_from_it(
+    numbers: tuple[float, ...], beside: dict[str, str]
+) -> None:
+    """It gives way until the sum is proved, and is still many steps that a hand can tell."""
+    mass, damping, step, delay, friction, count, force = numbers
+    device = Device(
+        motion="linear",
+        mass=quantity(mass, 0.99 * mass, 1.01 * mass),
+        damping=quantity(damping, 0.98 * damping, 1.02 * damping),
+        sample_time=quantity(step),
+        delay=quantity(delay),
+        coulomb_friction=quantity(friction),
+        encoder_resolution=quantity(count),
+        force_limit=ForceLimit(continuous=force, peak=2 * force),
+    )
+    loop = {"velocity_filter_hz": 0.05 / step, "acceleration_filter_hz": 0.03 / step}
+    wanted = {"elements": {"wall": WALL, "other": beside}, "loop": loop}
+    profile = tuned(device, Scene.model_validate(wanted))
+    assert profile.apart == ()
+    assert ("wall", "other") in profile.combinations()
+    assert profile.elements["wall"].perceived_steps["stiffness"] > 5

@@ -396,6 +396,8 @@ class _Search:
         if (elements, filters) not in self.known:
             found = tune_with_filters(self.task, elements, filters, self.last.get(elements))
             self.known[elements, filters] = self.last[elements] = found
+            if sum(found.objective.kept) == self.wished[elements]:  # though not soon told before
+                self.keeps_all[elements, filters] = True
         return self.known[elements, filters]
 
     def _filters(self, point: Sequence[float]) -> Filters:

@@ -536,6 +536,8 @@ def maximise(
     low, high = (np.array(side) for side in zip(*ends, strict=True))
     best = np.clip(np.array(start), low, high)
     most = value(best.tolist())
+    if not np.isfinite(most):
+        return best.tolist()
     planes, first = [(best, most, np.array(slopes(best.tolist())))], radius
     for _ in range(_MOST_POINTS):
         near = np.maximum(low, best - radius), np.minimum(high, best + radius)

@@ -76,6 +76,7 @@ class Problem:
         cut: elements whose force may be cut at its limit.
         proved_gain: what the proof of a clamp has to reach; the margin's, and room for what lies
             between the corners of the box.
+        room: part of the gain margin that linear limits keep beyond it, for the proof of clamps.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -86,6 +87,7 @@ class Problem:
     linear: LinearLimits
     cut: frozenset[str] = frozenset()
     proved_gain: float = 1.0
+    room: float = 0.0
 
     @property
     def low(self) -> FloatArray:
@@ -265,6 +267,7 @@ def problem_of(
         linear=LinearLimits.of(forces, len(unknowns), ends, leads),
         cut=cut,
         proved_gain=kept * (1 + ROOM),
+        room=room,
     )
 
 

@@ -37,7 +37,7 @@ FloatArray = NDArray[np.float64]
 #: so many times the delay of the loop, or to this many.
 _SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
 #: Of the points of the grid the first program sees one in so many.
-_SEEN = 128
+_SEEN = 192
 #: Programs at most.
 _ROUNDS = 6
 #: Weights below this part of the largest are none.
@@ -76,8 +76,8 @@ def _ladder(delay_samples: float) -> list[int]:
 class _Condition:
     """Hermitian part of diag(M)·(1 + loops), linear in the weights of a multiplier M.
 
-    At each point it is turned and scaled, left^H ... right, so that no direction is small in the
-    matrices of all weights: near θ = 0 that in which two clamps push against each other is.
+    At each point it is turned and scaled, left^H ... right, so that it is about one for one usual
+    multiplier: near θ = 0 two clamps that push against each other leave next to nothing of it.
 
     Attributes:
         owners: (channel, tap) of each weight; a constant is tap 0. Channels are in units of their
@@ -105,15 +105,16 @@ class _Condition:
         taps = {0: constant} | taps if responses.grounded else taps
         each = [taps if i < len(parts.clamps) else {0: constant} for i in range(size)]
         rows = np.eye(size) + loops.reshape(size, -1).T[..., None]
-        # Sum of the squares of the matrices of all weights.
-        squares = np.stack([sum(f**2 for f in own.values()) for own in each], axis=-1)
-        sizes = np.stack([sum(np.abs(f) ** 2 for f in own.values()) for own in each], axis=-1)
-        diagonal = np.einsum("pii->pi", rows)
-        half = (squares * diagonal)[..., None] * rows
-        total = half + _adjoint(half) + _adjoint(rows) @ (sizes[..., None] * rows)
-        total += np.eye(size) * (sizes * np.sum(np.abs(rows) ** 2, axis=-1))[..., None]
-        values, vectors = np.linalg.eigh(total / 4)
-        scale = np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.25
+        # Of one multiplier, with equal slopes of all clamps, in its own real part.
+        means = [np.mean([*own.values()], axis=0) for own in each]
+        usual: ComplexArray = np.stack(means, axis=-1)
+        clamps = slice(0, len(parts.clamps))
+        usual[:, clamps] *= max(parts.sizes) / np.array(parts.sizes[clamps])
+        half = usual[..., None] * rows / 2
+        values, vectors = np.linalg.eigh(half + _adjoint(half))
+        total = (vectors * np.abs(values)[:, None, :]) @ _adjoint(vectors)
+        values, vectors = np.linalg.eigh(total + np.eye(size) * usual.real[..., None])
+        scale = np.maximum(values, np.finfo(float).tiny)[:, None, :] ** -0.5
         left = np.asarray(vectors * scale, dtype=np.complex128)
         owners = [(index, tap) for index, own in enumerate(each) for tap in own]
         return cls(

@@ -50,8 +50,9 @@ _DIGITS = 6
 _RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
 #: Effects that are rounded either way, all ways tried.
 _MOST_WAYS = 5
-#: Tries with more room for the proof of clamps, each so much of what the last one was short of, and
-#: so much at least; one that is short of more than this part of the one before does not help.
+#: Tries with more room for the proof of clamps, each as much as the last two promise, at least so
+#: much of what is short, and so much, each time twice as much; one that is short of more than this
+#: part of the one before does not help.
 _MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
 #: A last step that takes this part of a size is long; it is halved so many times.
 _LONG, _MOST_HALVINGS = 0.05, 3
@@ -212,14 +213,16 @@ def _stepped_back(
     def short_of(found: AllFound) -> float:
         return problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
 
-    sizes, above, short, room, failed, before = linear, linear, np.inf, 0.0, 0.0, np.inf
+    sizes, above, short, before = linear, linear, np.inf, np.inf
+    room = failed = problem.room
     found = prove_combinations(problem, sizes)
     tightest = min(found, key=lambda elements: found[elements].gain)
-    for _ in range(_MOST_ROOMS):
+    for number in range(_MOST_ROOMS):
         short = short_of(found)
         if short <= 1 or short - 1 > _HELPS * (before - 1):
             break
-        failed, room, before = room, room + max(_LESS_ROOM * (short - 1), _LEAST_ROOM), short
+        more = max(_LESS_ROOM, (room - failed) / (before - short)) * (short - 1)
+        failed, room, before = room, room + max(more, _LEAST_ROOM * 2**number), short
         less = proved(room, found)
         if less is None:
             break
@@ -228,13 +231,13 @@ def _stepped_back(
         if np.all(above <= sizes * (1 + _LONG)):
             break
         middle = (failed + room) / 2
-        more = proved(middle, found)
-        if more is None:
+        half = proved(middle, found)
+        if half is None:
             break
-        if short_of(more[1]) > 1:
-            failed, above = middle, more[0]
+        if short_of(half[1]) > 1:
+            failed, above = middle, half[0]
         else:
-            room, (sizes, found) = middle, more
+            room, (sizes, found) = middle, half
     return sizes, found, tightest
 
 

@@ -48,7 +48,7 @@ from tune.documents.scene import (
     hand_of,
 )
 from tune.loop.loop import Filters
-from tune.optimisation.cutoffs import choose_filters
+from tune.optimisation.cutoffs import choose_filters, worth_of
 from tune.optimisation.describe import (
     SizedCombination,
     combination_margins,
@@ -113,7 +113,7 @@ def optimise(
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
     task = DesignTask.of(as_stored(device), scene, table or default_table(), favour)
-    filters = choose_filters(task, say)
+    filters = _best_proved(task, choose_filters(task, say), say)
     for attempt in range(_MOST_ATTEMPTS + 1):
         task, design, witnesses = _proposed(task, filters, say)
         say("certifying")
@@ -136,10 +136,21 @@ def _silent(sentence: str) -> None:
     del sentence
 
 
-def _proposed(
-    task: DesignTask, filters: Filters, say: Progress
-) -> tuple[DesignTask, Design, dict[str, AbsoluteStability]]:
-    """The largest effects of every group, and what proves its clamps, as stored.
+def _best_proved(task: DesignTask, choices: Sequence[Filters], say: Progress) -> Filters:
+    """The first filters, or, where clamps were stepped back with them, those that leave most."""
+    best, most = choices[0], None
+    for filters in choices if choices[1:] else ():
+        less, solutions = _solved(task, filters, say)
+        if most is None and less is task and not any(each.stepped_back for each in solutions):
+            break
+        worth = -len(less.apart), worth_of(task, solutions)
+        if most is None or worth > most:
+            best, most = filters, worth
+    return best
+
+
+def _solved(task: DesignTask, filters: Filters, say: Progress) -> tuple[DesignTask, list[Solution]]:
+    """The largest effects of every group.
 
     A wall and an element that cannot be met together at one step of each are told apart in the
     task that is returned.
@@ -154,6 +165,14 @@ def _proposed(
             task = task.without(solved.clash)
             solved = solve(task, elements, filters, solutions)
         solutions.append(solved)
+    return task, solutions
+
+
+def _proposed(
+    task: DesignTask, filters: Filters, say: Progress
+) -> tuple[DesignTask, Design, dict[str, AbsoluteStability]]:
+    """The largest effects of every group, and what proves its clamps, as stored."""
+    task, solutions = _solved(task, filters, say)
     reasons = {label: why for solved in solutions for label, why in solved.dropped.items()}
     dropped = with_what_is_felt(task, filters, reasons)
     if not any(solved.by_label() for solved in solutions):

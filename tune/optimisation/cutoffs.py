@@ -24,8 +24,8 @@ from tune.optimisation.feasibility import (
     passes_cheap_limits,
     stable_in_doubles,
 )
-from tune.optimisation.nash import SAME, Optimum, maximise, slack_change
-from tune.optimisation.problem import DesignTask, Problem, level_of, may_saturate, problem_of
+from tune.optimisation.nash import SAME, Optimum, Solution, maximise, slack_change
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
 from tune.optimisation.solve import groups, optimum_of
 from tune.rendering import FASTEST
 
@@ -64,13 +64,13 @@ _TIED = 1e-6
 _FINE = 24
 
 
-def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
+def choose_filters(task: DesignTask, say: Callable[[str], None]) -> tuple[Filters, ...]:
     """The fixed filters, and for free ones the least filtering that does nearly as well as any.
 
     Free cut-offs are looked for coarsely, for all elements together, one after the other in both
-    orders, then together by cutting planes, on a logarithmic scale above which there is no filter.
-    Where kinds are free, that is done of all of them. A filter is only there for an effect that
-    uses it: without a damper no velocity filter, without a virtual mass no acceleration filter.
+    orders, then together by cutting planes, on a logarithmic scale above which there is no filter;
+    free kinds likewise, the best of the usual kind coming second: no clamp is proved here. A filter
+    is there for an effect that uses it only: the velocity's for a damper, the other for a mass.
     """
     scene, loop = task.scene, task.scene.loop
     wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
@@ -89,7 +89,10 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> Filters:
             settings[f"{which}_filter_hz"] = hertz
         filters = Filters(**settings, filter_damping_ratio=ratio)
         kinds[_kind_of(used_filters(filters, Effects(damping=0.0, mass=0.0)))] = None
-    return _Search(task, list(kinds), axes, say).best()
+    search = _Search(task, list(kinds), axes, say)
+    best = search.best()
+    usual = [each for each in search.tried if _kind_of(each) == search.kinds[0]]
+    return tuple(dict.fromkeys((best, max(usual, key=search.tried.__getitem__, default=best))))
 
 
 class _Search:
@@ -145,9 +148,8 @@ class _Search:
                 climbed.append(family)
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
-            own = _kind_of(best)
             beside = [each for each in self.kinds if self._is_beside(best, each, index)]
-            nearest = [self._nearest(best, index, kind) for kind in (own, *beside)]
+            nearest = [self._nearest(best, index, kind) for kind in (_kind_of(best), *beside)]
             reached, found = max(nearest, key=lambda pair: pair[0])
             if reached >= 1:
                 self._refined(self._place(found), [index])
@@ -222,8 +224,8 @@ class _Search:
             self.kind = self.kinds[0]
             first = self._filters(_most([(self._objective(each), each) for each in pairs]))
             starts[first] = None
-            for index in reversed(free):
-                for kind in [each for each in self.kinds if self._is_beside(first, each, index)]:
+            for index, kind in product(reversed(free), self.kinds):
+                if self._is_beside(first, kind, index):
                     near = self._near(kind, first, index)
                     found = _most([(self._objective(each), each) for each in near])
                     starts[self._filters(found)] = None
@@ -238,11 +240,11 @@ class _Search:
                     ]:
                         starts |= dict.fromkeys(self._uphill(kind, start, index))
         usual = [each for each in starts if _kind_of(each) == self.kinds[0]]
-        found = dict[Filters, None]()
+        good: list[Filters] = []
         for some in ([*starts], usual):
             enough = max((self.tried[each].value for each in some), default=0.0) - _LESS
-            found |= dict.fromkeys(each for each in some if self.tried[each].value >= enough)
-        return [*found]
+            good += [each for each in some if self.tried[each].value >= enough]
+        return list(dict.fromkeys(good))
 
     def _line(self, point: Sequence[float], index: int) -> list[list[float]]:
         """Points with the first choices of one cut-off, least filtering first."""
@@ -477,6 +479,14 @@ class CutoffObjective(NamedTuple):
         return CutoffObjective(kept=kept, value=self.value + other.value)
 
 
+def worth_of(task: DesignTask, solutions: Sequence[Solution]) -> CutoffObjective:
+    """What solutions of all groups are worth together."""
+    left = [solved for solved in solutions if solved.sizes.size]
+    own = [u.level for solved in left for u in solved.problem.unknowns if not u.settled]
+    value = sum(_value(task, solved.problem, solved.sizes) for solved in left)
+    return CutoffObjective(kept=tuple(map(own.count, ranks_of(task))), value=value)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned:
     """A group tuned with certain filters: the problem of what is kept, its optimum if any."""
@@ -547,12 +557,6 @@ def tune_with_filters(
     return Tuned(objective=objective, problem=problem, optimum=optimum)
 
 
-def ranks_of(task: DesignTask) -> tuple[int, ...]:
-    """Ranks of a scene; see `Unknown`."""
-    elements = task.scene.elements.values()
-    return tuple(sorted({level_of(each, effect) for each in elements for effect in each.wishes()}))
-
-
 def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     """Change of a group's value with filters moved a little, by the envelope theorem."""
     problem, optimum = found.problem, found.optimum
@@ -603,7 +607,10 @@ def _value_alone(
 
 def _weights(task: DesignTask, problem: Problem) -> list[float]:
     ranks = ranks_of(task)
-    return [u.weight * _NEXT_RANK ** ranks.index(u.level) for u in problem.unknowns]
+    return [
+        0.0 if u.settled else u.weight * _NEXT_RANK ** ranks.index(u.level)
+        for u in problem.unknowns
+    ]
 
 
 def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:

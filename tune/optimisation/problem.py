@@ -343,6 +343,12 @@ class _Asking:
         return max((shares.damping if effect == "damping" else shares.mass).mean, _BARELY_FELT)
 
 
+def ranks_of(task: DesignTask) -> tuple[int, ...]:
+    """Ranks of a scene; see `Unknown`."""
+    elements = task.scene.elements.values()
+    return tuple(sorted({level_of(each, effect) for each in elements for effect in each.wishes()}))
+
+
 def level_of(given: Element, effect: EffectName) -> int:
     """Rank of one effect of an element; see `Unknown`."""
     if given.wishes()[effect].kind == "value":

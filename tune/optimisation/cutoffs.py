@@ -35,9 +35,8 @@ FloatArray = NDArray[np.float64]
 _CUTOFFS, _USES = ("velocity_filter_hz", "acceleration_filter_hz"), ("damping", "mass")
 #: Hz; a filter must pass the motions people make.
 _LOWEST = FASTEST
-#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: where ripple limits
-#: a mass it rises with each octave of filtering, until force, stability or phantom damping makes
-#: it fall.
+#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: of a mass limited by
+#: ripple it rises with each, until force, stability or phantom damping makes it fall.
 _COARSE = 3.0
 #: Digits of a written cut-off.
 _DIGITS = 4
@@ -91,8 +90,10 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> tuple[Filter
         kinds[_kind_of(used_filters(filters, Effects(damping=0.0, mass=0.0)))] = None
     search = _Search(task, list(kinds), axes, say)
     best = search.best()
-    usual = [each for each in search.tried if _kind_of(each) == search.kinds[0]]
-    return tuple(dict.fromkeys((best, max(usual, key=search.tried.__getitem__, default=best))))
+    if _kind_of(best) == search.kinds[0] or not search.tried:
+        return (best,)
+    usual = (each for each in search.tried if _kind_of(each) == search.kinds[0])
+    return best, max(usual, key=search.tried.__getitem__)
 
 
 class _Search:

@@ -77,6 +77,7 @@ class Problem:
         proved_gain: what the proof of a clamp has to reach; the margin's, and room for what lies
             between the corners of the box.
         room: part of the gain margin that linear limits keep beyond it, for the proof of clamps.
+        slack: part of it that is kept because a proof failed before.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -88,6 +89,7 @@ class Problem:
     cut: frozenset[str] = frozenset()
     proved_gain: float = 1.0
     room: float = 0.0
+    slack: float = 0.0
 
     @property
     def low(self) -> FloatArray:
@@ -268,6 +270,7 @@ def problem_of(
         cut=cut,
         proved_gain=kept * (1 + ROOM),
         room=room,
+        slack=task.slack,
     )
 
 

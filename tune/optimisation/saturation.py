@@ -36,8 +36,8 @@ FloatArray = NDArray[np.float64]
 #: Delays of the taps, samples: all of the short ones, then each so many times the one before, up to
 #: so many times the delay of the loop, or to this many.
 _SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
-#: Of the points of the grid the first program sees one in so many.
-_SEEN = 192
+#: Of the points of the grid the first program sees one in so many, or where a proof failed before.
+_SEEN, _SEEN_AGAIN = 192, 48
 #: Programs at most.
 _ROUNDS = 6
 #: Weights below this part of the largest are none.
@@ -45,12 +45,20 @@ _NOTHING = 1e-9
 
 
 def _find_multiplier(
-    responses: Responses, parts: Nonlinearities, gain: float, delay_samples: float
+    responses: Responses,
+    parts: Nonlinearities,
+    gain: float,
+    delay_samples: float,
+    *,
+    seen_of: int = _SEEN,
 ) -> Multiplier | None:
-    """The multiplier with the most room at a gain, as far as a grid tells; None without one."""
+    """The multiplier with the most room at a gain, as far as a grid tells; None without one.
+
+    One in so many of its points are seen at first.
+    """
     condition = _Condition.of(responses, parts, gain, _ladder(delay_samples))
     slopes = _slopes(responses, parts, condition)
-    seen = np.arange(0, condition.factors.shape[1], _SEEN, dtype=np.intp)
+    seen = np.arange(0, condition.factors.shape[1], seen_of, dtype=np.intp)
     weights: FloatArray | None = None
     for _ in range(_ROUNDS):
         weights = _program(condition.matrices(seen), slopes)
@@ -305,12 +313,13 @@ def _search_gain(
     gains = [margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
     multipliers: dict[bool, Multiplier | None] = {}
     late = box.delay[1] / box.sample_time[0] + margin.extra_delay_samples
+    seen_of = _SEEN_AGAIN if problem.slack else _SEEN
     for loop in problem.loops.between(margin.extra_delay_samples) if box.damping[0] > 0 else ():
         responses = Responses.of(loop, steady)
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
         for part in () if gain >= least else _PARTS:
-            found = _find_multiplier(responses, parts, part * least, late)
+            found = _find_multiplier(responses, parts, part * least, late, seen_of=seen_of)
             if found is not None:
                 reached = _least_gain(responses, parts, found)
                 found, reached = _with_few_taps(responses, parts, found, reached, least)

@@ -118,6 +118,28 @@ def test_a_wall_whose_damper_vanishes_beside_a_cut_off_is_tuned() -> None:
     assert optimise(as_stored(device), scene).elements["wall"].stiffness > 25_000
 
 
+def test_a_start_that_is_found_to_keep_all_effects_late_is_climbed() -> None:
+    """It was found not to when that was soon asked, and the climb from it ended in a traceback."""
+    mass, damping, force = 2.026343415890902, 1.765119544102651, 9.052470343932642
+    device = Device(
+        motion="linear",
+        sample_time=quantity(2e-3),
+        delay=quantity(4e-3),
+        encoder_resolution=quantity(1.77805707558796e-6),
+        force_limit=ForceLimit(continuous=force, peak=2 * force),
+        mass=quantity(mass, 0.99 * mass, 1.01 * mass),
+        damping=quantity(damping, 0.98 * damping, 1.02 * damping),
+        coulomb_friction=quantity(0.09528060056517573),
+    )
+    elements = {
+        "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
+        "cup": {"damping": "max", "mass": "max"},
+    }
+    wanted = {"elements": elements, "margin": "conservative", "loop": {"filter_damping_ratio": 0.5}}
+    profile = optimise(device, Scene.model_validate(wanted))
+    assert profile.elements["wall"].stiffness > 100
+
+
 def test_a_range_no_filter_allows_is_refused_as_before() -> None:
     with pytest.raises(NoFeasibleEffectError, match="range starts at 2000"):
         optimise(

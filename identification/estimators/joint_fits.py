@@ -31,9 +31,9 @@ _BARRED, _MOST_JUMPS = 10.0, 3
 #: Steps that gain less than this end it, so many after one another.
 _SLOW, _MOST_SLOW = 0.5, 3
 #: Part of a size by which an entry is moved for the slope of the motion by it.
-_NUDGE = 1e-6
+NUDGE = 1e-6
 #: ... and of a sample, by which the delay is.
-_LATER = 1e-3
+LATER = 1e-3
 #: Change of a delay, in samples, for the slope of the estimates by it.
 _DELAY_STEP = 0.05
 #: Weights have settled when none changes by this part; an axis of this little mass has none.
@@ -158,6 +158,22 @@ def _noise_free(prepared: JointLog) -> list[FloatArray]:
     return list(np.concatenate((play.measured[: play.first], found)).T)
 
 
+def devices_of(model: JointModel, thetas: FloatArray, delays: FloatArray) -> DevicesOfAxes:
+    """Devices by rows of unknowns, at the end of which are start speeds and places; delays in s."""
+    count = len(model.axes)
+    matrices = [model.matrices(each) for each in thetas]
+    by_axis = [model.friction(each) for each in thetas]
+    return DevicesOfAxes(
+        mass=np.stack([mass for mass, _ in matrices]),
+        damping=np.stack([damping for _, damping in matrices]),
+        friction=np.stack([friction for friction, _ in by_axis]),
+        offset=np.stack([offset for _, offset in by_axis]),
+        delay=delays,
+        speed=thetas[:, -2 * count : -count],
+        place=thetas[:, -count:],
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Playing:
     """The motion of a log as a function of all unknowns, the delay and the starts."""
@@ -202,10 +218,10 @@ class _Playing:
         rough = force[[*np.flatnonzero(model.coulomb)]]
         return np.concatenate(
             (
-                _NUDGE * np.concatenate((entries, rough, force)),
-                [_LATER * prepared.step] * self.fits_delay,
-                _NUDGE * speed,
-                _NUDGE * np.ptp(self.measured, axis=0),
+                NUDGE * np.concatenate((entries, rough, force)),
+                [LATER * prepared.step] * self.fits_delay,
+                NUDGE * speed,
+                NUDGE * np.ptp(self.measured, axis=0),
             )
         )
 
@@ -237,18 +253,8 @@ class _Playing:
 
     def positions(self, thetas: FloatArray) -> FloatArray:
         """Positions from the first known sample on, m, shape (thetas, rows, axes)."""
-        model, count = self.prepared.model, self.prepared.count
-        matrices = [model.matrices(each) for each in thetas]
-        by_axis = [model.friction(each) for each in thetas]
-        devices = DevicesOfAxes(
-            mass=np.stack([mass for mass, _ in matrices]),
-            damping=np.stack([damping for _, damping in matrices]),
-            friction=np.stack([friction for friction, _ in by_axis]),
-            offset=np.stack([offset for _, offset in by_axis]),
-            delay=np.array([self._delay(each) for each in thetas]),
-            speed=thetas[:, -2 * count : -count],
-            place=thetas[:, -count:],
-        )
+        delays = np.array([self._delay(each) for each in thetas])
+        devices = devices_of(self.prepared.model, thetas, delays)
         with np.errstate(over="ignore", invalid="ignore"):
             found = devices.positions(self.force, self.prepared.step, self.first)[self.first :]
         return np.moveaxis(found, 1, 0)

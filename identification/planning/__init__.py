@@ -168,7 +168,7 @@ def _fitted(
     against = opposing_force(spec, net)
     found = fit_to_limits(
         lambda scale: rounded(scale * net + against, spec.force),
-        lambda force: _used(spec, force, devices, spread),
+        lambda force: Used.of(spec, force, *extremes(force[:-1], devices, step), spread),
     )
     if isinstance(found, Used):
         return found
@@ -194,16 +194,6 @@ def _fitted(
 def _product(found: Candidate) -> float:
     """What is to be small: the product of both intervals."""
     return found.prediction.mass * found.prediction.damping
-
-
-def _used(spec: ExcitationSpec, force: FloatArray, devices: list[Guess], spread: float) -> Used:
-    """Parts of the limits that the worst of some devices uses; others go the spread farther."""
-    reach, speed = extremes(force[:-1], devices, spec.sample_time)
-    return Used(
-        force=float(np.max(np.abs(force))) / spec.force,
-        travel=spread * float(np.max(reach)) / spec.travel,
-        speed=0.0 if spec.speed is None else spread * float(np.max(speed)) / spec.speed,
-    )
 
 
 #: Significant digits: a nanosecond in three minutes, and more than the force was rounded to.

@@ -228,6 +228,22 @@ class Used:
     travel: float
     speed: float
 
+    @classmethod
+    def of(
+        cls,
+        spec: ExcitationSpec,
+        force: FloatArray,
+        reach: FloatArray,
+        speed: FloatArray,
+        spread: float,
+    ) -> Used:
+        """What a force uses where devices go so far and so fast, and others the spread farther."""
+        return cls(
+            force=float(np.max(np.abs(force))) / spec.force,
+            travel=spread * float(np.max(reach)) / spec.travel,
+            speed=0.0 if spec.speed is None else spread * float(np.max(speed)) / spec.speed,
+        )
+
     @property
     def most(self) -> float:
         """The largest of them."""
@@ -242,6 +258,17 @@ class WorstMotion:
     words: str  # what the devices have in common
     travel: float  # largest distance from the start, either way, m (rad)
     speed: float  # m/s (rad/s)
+
+    @classmethod
+    def of(cls, name: str, words: str, reach: FloatArray, speed: FloatArray) -> WorstMotion:
+        """That of devices that go so far, m (rad), and so fast, m/s (rad/s), and those between."""
+        spread = BETWEEN if len(reach) > 1 else 1.0
+        return cls(
+            name=name,
+            words=words,
+            travel=spread * float(np.max(reach)),
+            speed=spread * float(np.max(speed)),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,19 +324,12 @@ def worst_motions(spec: ExcitationSpec, force: FloatArray) -> tuple[WorstMotion,
     every = list(dict.fromkeys(device for some in devices for device in some))
     place = {device: index for index, device in enumerate(every)}
     reach, speed = extremes(force[:-1], every, spec.sample_time)
-    found: list[WorstMotion] = []
-    for (name, words, _), some in zip(boxes, devices, strict=True):
-        index = [place[device] for device in some]
-        spread = BETWEEN if len(some) > 1 else 1.0
-        found.append(
-            WorstMotion(
-                name=name,
-                words=words,
-                travel=spread * float(np.max(reach[index])),
-                speed=spread * float(np.max(speed[index])),
-            )
+    return tuple(
+        WorstMotion.of(
+            name, words, *(each[[place[one] for one in some]] for each in (reach, speed))
         )
-    return tuple(found)
+        for (name, words, _), some in zip(boxes, devices, strict=True)
+    )
 
 
 def regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:

@@ -9,7 +9,7 @@ ones among them, are simulated exactly and all forces scaled by one factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations, pairwise, product
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from identification.errors import InvalidInputError, UsageError
 from identification.estimators.estimate import UNKNOWN_FORCE, symmetric_inverse
 from identification.estimators.joint import JointModel
+from identification.estimators.joint_fits import LATER, NUDGE, devices_of
 from identification.estimators.joint_motion import DevicesOfAxes
 from identification.planning.information import Answer, DesignGrid, Response
 from identification.planning.limits import (
@@ -49,10 +50,6 @@ _FEWEST_LINES = 2
 _LEVELS = 3
 #: Samples of axes of devices that are simulated at once: some 500 MB.
 _AT_ONCE = 10_000_000
-#: Part of a size by which a parameter is moved for the slope of the motion by it, ...
-_NUDGE = 1e-6
-#: ... and of a sample, by which the delay is.
-_LATER = 1e-3
 #: Directions this much weaker than the strongest tell nothing.
 _SINGULAR = 1e-12
 
@@ -139,7 +136,9 @@ def plan_axes(
         lambda scale: np.stack(
             [rounded(each, wanted.force) for each in (scale * net + against).T], axis=1
         ),
-        lambda force: _used(wanted, force, devices, spread),
+        lambda force: Used.of(
+            wanted, force, *_extremes(devices, force, wanted.sample_time), spread
+        ),
     )
     if isinstance(found, Used):
         raise InvalidInputError("excitation", *describe_impossible(wanted, found))
@@ -239,16 +238,6 @@ def _extremes(
     return reach, fastest
 
 
-def _used(spec: ExcitationSpec, force: FloatArray, devices: DevicesOfAxes, spread: float) -> Used:
-    """Parts of the limits that the worst axis of the worst device uses."""
-    reach, speed = _extremes(devices, force, spec.sample_time)
-    return Used(
-        force=float(np.max(np.abs(force))) / spec.force,
-        travel=spread * float(np.max(reach)) / spec.travel,
-        speed=0.0 if spec.speed is None else spread * float(np.max(speed)) / spec.speed,
-    )
-
-
 def _worst_motions(spec: ExcitationSpec, force: FloatArray, count: int) -> tuple[WorstMotion, ...]:
     """Worst travel and speed of any axis over the devices that a user may really have."""
     sets = list(regions(spec))
@@ -261,20 +250,12 @@ def _worst_motions(spec: ExcitationSpec, force: FloatArray, count: int) -> tuple
     )
     reach, speed = _extremes(every, force, spec.sample_time)
     ends = np.cumsum([len(each.mass) for each in devices])[:-1]
-    found: list[WorstMotion] = []
-    for (name, words, _), far, fast in zip(
-        sets, np.split(reach, ends), np.split(speed, ends), strict=True
-    ):
-        spread = BETWEEN if len(far) > 1 else 1.0
-        found.append(
-            WorstMotion(
-                name=name,
-                words=words,
-                travel=spread * float(np.max(far)),
-                speed=spread * float(np.max(fast)),
-            )
+    return tuple(
+        WorstMotion.of(name, words, far, fast)
+        for (name, words, _), far, fast in zip(
+            sets, np.split(reach, ends), np.split(speed, ends), strict=True
         )
-    return tuple(found)
+    )
 
 
 def _predicted(force: FloatArray, spec: ExcitationSpec) -> tuple[Answer, dict[str, float]]:
@@ -290,23 +271,23 @@ def _predicted(force: FloatArray, spec: ExcitationSpec) -> tuple[Answer, dict[st
     values = np.concatenate(
         (guess.mass * same, guess.damping * same, rough, np.full(count, guess.force_offset))
     )
-    late = np.zeros(int(spec.delay == "unknown"))
-    theta = np.concatenate((values, late, np.zeros(2 * count)))
-    middle = _played(model, theta[None], force, step)[:, 0]
-    speed = np.diff(middle, axis=0) / step
+    unknown = spec.delay == "unknown"
+    theta = np.concatenate((values, np.zeros(unknown + 2 * count)))
+    alone = devices_of(model, theta[None], np.zeros(1)).positions(force, step, 0)[:, 0]
+    speed = np.diff(alone, axis=0) / step
     fast, pushed = float(np.max(np.abs(speed))), float(np.max(np.abs(force)))
-    sizes = _NUDGE * np.concatenate(
+    ratios = np.repeat([guess.mass, pushed / fast], same.size)
+    sizes = np.concatenate(
         (
-            np.full(same.size, guess.mass),
-            np.full(same.size, pushed / fast),
-            np.full(rough.size + count, pushed),
-            late + _LATER * step / _NUDGE,
-            np.full(count, fast),
-            np.full(count, spec.travel),
+            NUDGE * np.append(ratios, np.full(rough.size + count, pushed)),
+            [LATER * step] * unknown,
+            NUDGE * np.repeat([fast, spec.travel], count),
         )
     )
-    found = _played(model, np.vstack((theta, theta + np.diag(sizes))), force, step)
-    slopes = np.moveaxis((found[:, 1:] - found[:, :1]) / sizes[:, None], 1, 0)
+    thetas = theta + np.diag(sizes)
+    delays = thetas[:, values.size] if unknown else np.zeros(len(thetas))
+    found = devices_of(model, thetas, delays).positions(force, step, 0)
+    slopes = np.moveaxis((found - alone[:, None]) / sizes[:, None], 1, 0)
     response = Response(
         rate=guess.rate,
         step=step,
@@ -325,24 +306,5 @@ def _predicted(force: FloatArray, spec: ExcitationSpec) -> tuple[Answer, dict[st
     half = NORMAL_95 * np.sqrt(np.diag(covariance)[: 2 * same.size])
     velocity = np.concatenate((np.zeros((1, count)), speed))
     names = model.parameters[: 2 * same.size]
-    motion = Answer(position=middle, velocity=velocity)
+    motion = Answer(position=alone, velocity=velocity)
     return motion, dict(zip(names, half.tolist(), strict=True))
-
-
-def _played(model: JointModel, thetas: FloatArray, force: FloatArray, step: float) -> FloatArray:
-    """Positions of devices by their parameters, m, shape (n, devices, axes)."""
-    count = len(model.axes)
-    matrices = [model.matrices(each) for each in thetas]
-    by_axis: Sequence[tuple[FloatArray, FloatArray]] = [model.friction(each) for each in thetas]
-    size = len(model.parameters)
-    late = thetas[:, size] if thetas.shape[1] > size + 2 * count else np.zeros(len(thetas))
-    devices = DevicesOfAxes(
-        mass=np.stack([mass for mass, _ in matrices]),
-        damping=np.stack([damping for _, damping in matrices]),
-        friction=np.stack([friction for friction, _ in by_axis]),
-        offset=np.stack([offset for _, offset in by_axis]),
-        delay=late,
-        speed=thetas[:, -2 * count : -count],
-        place=thetas[:, -count:],
-    )
-    return devices.positions(force, step, 0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from itertools import zip_longest
+from itertools import combinations_with_replacement, product, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -259,8 +259,9 @@ def _axes_table(plan: AxesExcitation) -> Table:
         ("entry", "guess", "interval", "unit"),
         right=("guess", "interval"),
     )
-    for entry, half in plan.expected.items():
-        name, row, column = entry.split("_", 1)[0], *_axes_of(entry, plan.axes)
+    pairs = [*combinations_with_replacement(plan.axes, 2)]
+    entries = product(("mass", "damping"), pairs)
+    for (name, (row, column)), half in zip(entries, plan.expected.values(), strict=True):
         guess = getattr(spec, name).value if row == column else 0.0
         table.add_row(f"{name} {row},{column}", f"{guess:g}", f"± {half:.3g}", units[name])
     return table
@@ -274,12 +275,6 @@ def _axes_line(plan: AxesExcitation) -> str:
         f"multisines with lines of their own: {plan.description}; of the limits they use {used}. "
         "The intervals are those of the guessed device, its axes not coupled"
     )
-
-
-def _axes_of(entry: str, axes: Sequence[str]) -> tuple[str, str]:
-    """Axes in the name of an entry, such as mass_x_y."""
-    pairs = ((one, other) for one in axes for other in axes)
-    return next(pair for pair in pairs if entry.partition("_")[2] == "_".join(pair))
 
 
 def _worst_table(plan: Excitation | AxesExcitation) -> Table:

@@ -206,6 +206,11 @@ class RigidDynamics:
         if self._loads is not None:
             self._resisted = self._loads[sample]
 
+    def go_on(self, before: RigidDynamics | FlexibleDynamics, which: Indices) -> None:
+        """The state of these members, shape (batch,), of a run before is now that of this one."""
+        assert isinstance(before, RigidDynamics)
+        self._state = before._state.take(which, axis=1)
+
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
         pull = (acting - self._resisted) / self._mass
@@ -326,6 +331,11 @@ class FlexibleDynamics:
             self._z[:, -2] = self._base + self._forces.device[sample]
         if self._forces.handle is not None:
             self._z[:, -1] = self._push + self._forces.handle[sample]
+
+    def go_on(self, before: RigidDynamics | FlexibleDynamics, which: Indices) -> None:
+        """The state of these members, shape (batch,), of a run before is now that of this one."""
+        assert isinstance(before, FlexibleDynamics)
+        self._z, self._direction = before._z[which], before._direction[which]
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""

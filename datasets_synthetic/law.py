@@ -8,8 +8,9 @@ while a wall pushes. A damper alone is switched at any moment.
 from __future__ import annotations
 
 from collections import deque
+from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import ClassVar, cast
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,32 @@ class Calls(Batched):
         return int(np.argmax(asked)) if asked.any() else batch
 
 
-class _Transitions:
+class _Remembering:
+    """What remembers something of each member; the last axis of its arrays is the batch."""
+
+    def members(self, which: NDArray[np.intp]) -> Self:
+        """A copy for these members, shape (members,), ascending, to go on with."""
+        some = copy(self)
+        for name, value in vars(self).items():
+            setattr(some, name, _taken(value, which))
+        return some
+
+
+def _taken(value: object, which: NDArray[np.intp]) -> Any:
+    """These members of what is an array or holds some; all else as it is."""
+    if isinstance(value, np.ndarray):
+        return cast("FloatArray", value).take(which, axis=-1)
+    if isinstance(value, tuple):
+        return tuple(_taken(each, which) for each in cast("tuple[object, ...]", value))
+    if isinstance(value, deque):
+        past = cast("deque[FloatArray]", value)
+        return deque((each.take(which, axis=-1) for each in past), maxlen=past.maxlen)
+    if isinstance(value, dict):
+        return {key: _taken(each, which) for key, each in cast("dict[int, object]", value).items()}
+    return value.members(which) if isinstance(value, (_Remembering, Observer)) else value
+
+
+class _Transitions(_Remembering):
     """Elements that come and go, each remembering its rest, its level and how long it was quiet.
 
     All arrays have shape (elements, batch), but for ``calls``.
@@ -68,6 +94,7 @@ class _Transitions:
     def __init__(
         self,
         calls: Calls,
+        first: int,
         *,
         stiffness: FloatArray,
         damping: FloatArray,
@@ -80,12 +107,13 @@ class _Transitions:
     ) -> None:
         """K (N/m), B (N·s/m), M (kg), side (0: no wall), rest (m), bounds of each clamp (N).
 
-        ``rest`` and ``level`` are views: what they are changed to here is played. ``fade`` is the
-        change of a level in a sample, 1 where nothing fades.
+        All of the members from the first on. ``rest`` and ``level`` are views: what they are
+        changed to here is played. ``fade`` is the change of a level in a sample, 1 where nothing
+        fades.
         """
         batch = stiffness.shape[1]
-        self._stiffness = stiffness
-        self._rest, self._bounds = rest, bounds
+        self._stiffness, self._first = stiffness, first
+        self._rest, self._bounds, self._level = rest, bounds, level
         self._spring, self._walls, self._side = stiffness > 0, side != 0, side
         self._place = rest.copy()
         fades = fade < 1
@@ -93,6 +121,7 @@ class _Transitions:
         self._taps, self._until = calls.taps, calls.until
         entrance = np.where(self._walls, -np.inf, per_member(calls.entrance, batch))
         self._entrance = entrance if np.isfinite(entrance).any() else None
+        self._entered = b""  # where readings were beyond an entrance
         caller, alone = per_member(calls.caller, batch), per_member(calls.dampers, batch) > 0
         called = ~alone | ((damping > 0) & ~self._spring & (mass == 0) & ~fades)
         random = called & (caller == RANDOM)
@@ -102,11 +131,10 @@ class _Transitions:
         self._left = alone & random, alone & adverse, random & ~alone & ~self._walls
         self._least = np.where(self._spring, _LEAST, 0.0)
         self._source = np.random.default_rng(0)  # one caller for all members, whatever the batch
-        self._gain = np.ones((len(stiffness), 1))
+        self._gain = np.ones(stiffness.shape)
         #: Gains but for those of adverse callers.
         self._always = np.ones(stiffness.shape)
         self._asked: FloatArray | None = None
-        self._level = level
         #: Walls that are not at their faces, and the last samples with a force, there or here.
         self._moved: Mask | None = None
         self._met, self._busy = np.zeros(stiffness.shape), np.zeros(stiffness.shape)
@@ -116,6 +144,19 @@ class _Transitions:
         self._fading = False  # whether anything has still to fade
         #: What acted since anybody asked whether it was quiet.
         self._unseen: deque[FloatArray] = deque(maxlen=calls.taps)
+
+    def members(self, which: NDArray[np.intp]) -> Self:
+        """A copy for these members of all; rests and levels are its own until they are shared."""
+        some = super().members(which[which >= self._first] - self._first)
+        masks = some._random, some._adverse, some._moved
+        some._random, some._adverse, some._moved = (
+            None if mask is None else _if_any(mask) for mask in masks
+        )
+        return some
+
+    def share(self, rest: FloatArray, level: FloatArray) -> None:
+        """Plays what rests and levels are changed to in these views, which hold the same."""
+        self._rest, self._level = rest, level
 
     def follow(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> None:
         """Changes levels, and what is entered in the law.
@@ -207,6 +248,7 @@ class _Transitions:
             random, adverse, left = self._left
             self._random, self._adverse = _if_any(random), _if_any(adverse)
             self._always = np.where(random, self._gain, np.where(left, 0.0, 1.0))
+            self._entered = b""
         self._until -= 1
         if self._random is None and self._adverse is None and self._entrance is None:
             return self._always
@@ -219,9 +261,14 @@ class _Transitions:
             takes = ~(law * (reading - self._last) < 0)
             asked = np.where(takes & self._adverse, self._least, asked)
         self._last = reading
+        # What is compared as bytes is compared in a fraction of the time.
         if self._entrance is not None:
-            asked = asked * (reading > self._entrance)
-        # As bytes they are compared in a fraction of the time.
+            inside = reading > self._entrance
+            entered, self._entered = self._entered, inside.tobytes()
+            quiet = self._random is None and self._adverse is None
+            if quiet and before is not None and entered == self._entered:
+                return before
+            asked = asked * inside
         return before if before is not None and asked.tobytes() == before.tobytes() else asked
 
 
@@ -393,7 +440,7 @@ class Servo:
         return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
 
 
-class _SectionEstimates:
+class _SectionEstimates(_Remembering):
     """Second-order sections of the differences, or a moving window; members may differ in kind.
 
     A section is x[k] = t·x[k-1] - p·x[k-2] + (1-t+p)·u[k]; p = 0 makes it one of first order.
@@ -464,7 +511,7 @@ def _low_pass_poles(
     return np.where(open_, 0.0, t), np.where(open_, 0.0, p)
 
 
-class _TrackedEstimates:
+class _TrackedEstimates(_Remembering):
     """Estimates of which one or both come from an observer; by derivative, 1 or 2."""
 
     def __init__(
@@ -481,7 +528,7 @@ class _TrackedEstimates:
         return found
 
 
-class ControlLaw:
+class ControlLaw(_Remembering):
     """A Controller at work: one call a sample, remembering what its filters need.
 
     The estimates of velocity and acceleration follow every reading, whatever acts. Arrays of
@@ -511,6 +558,7 @@ class ControlLaw:
             self._level = np.ones_like(self._rest)
             self._transitions = _Transitions(
                 calls.members(np.arange(first, sample_time.size)),
+                first,
                 stiffness=self._stiffness[:, some],
                 damping=self._damping[:, some],
                 mass=self._mass[:, some],
@@ -520,6 +568,15 @@ class ControlLaw:
                 bounds=(self._low[:, some], self._high[:, some]),
                 fade=sample_time[some] / rows["fade_time"][:, some].clip(sample_time[some]),
             )
+
+    def members(self, which: NDArray[np.intp]) -> Self:
+        """A copy for these members, shape (members,), ascending, to go on with."""
+        some = super().members(which)
+        if some._transitions is not None:
+            some._moving = int(np.count_nonzero(which < self._moving))
+            coming = slice(some._moving, None)
+            some._transitions.share(some._rest[:, coming], some._level[:, coming])
+        return some
 
     def force(self, reading: FloatArray) -> FloatArray:
         """Sum of what all elements give for this sample's reading (m), N, shape (batch,)."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from datasets_synthetic.device import Hand, Rig, per_member
 from datasets_synthetic.ending import DIES, PART, Allowed, Ending, Verdict, endings
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
-from datasets_synthetic.simulation import Recording, Truth, simulate
+from datasets_synthetic.simulation import Recording, Stopped, Truth, simulate
 
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -220,8 +220,11 @@ def _played(
     *,
     samples: int,
     seeds: Sequence[int],
+    after: tuple[Stopped, NDArray[np.intp]] | None = None,
 ) -> tuple[Recording, list[str], Mask]:
     """Plays recorded over so many samples, what grew in each, or "", and which are pushed.
+
+    They go on, if they were played before, where they stopped.
 
     Pushed is what something pushes to the end, or whose steady travel is no fault for another
     reason.
@@ -286,6 +289,7 @@ def _played(
         watch=True,
         seed=seeds,
         largest_step=_LARGEST_STEP,
+        after=after,
     )
     assert seen.truth is not None
     net = steady - rigs.force_offset
@@ -448,12 +452,13 @@ def rehearse(
     plays = _plays(controller, conditions, sizes.batch)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
-    left, rates = range(len(plays)), _slowest_rates(controller, conditions, sizes.batch)
+    left, rates = list(range(len(plays))), _slowest_rates(controller, conditions, sizes.batch)
+    after: tuple[Stopped, NDArray[np.intp]] | None = None
     for samples in (sizes.samples, _LONGER * sizes.samples):
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
         seen, grown, pushes = _played(
-            controller, conditions, sizes, part, samples=samples, seeds=seeds
+            controller, conditions, sizes, part, samples=samples, seeds=seeds, after=after
         )
         count = sizes.count[[play.member for play in part]]
         long = PART * samples * float(rig.sample_time[0])
@@ -471,9 +476,12 @@ def rehearse(
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
-        left = [k for k in left if not ends[k].at_rest]
+        going = [place for place in range(len(left)) if not ends[left[place]].at_rest]
+        left = [left[place] for place in going]
         if not left:
             break
+        assert seen.stopped is not None
+        after = seen.stopped, np.array(going, dtype=np.intp)
     order = list(_KINDS)
     played = sorted(range(len(plays)), key=lambda k: (order.index(plays[k].name), k))
     return tuple(

@@ -61,12 +61,30 @@ class Truth:
 
     @classmethod
     def of(cls, handle: FloatArray, speed: FloatArray, energy: FloatArray) -> Truth:
-        """From each at each sample, shape (n, batch)."""
-        return cls(
-            handle=read_only_copy(handle.T),
-            speed=read_only_copy(speed.T),
-            energy=read_only_copy(energy.T),
-        )
+        """From each at each sample, shape (n, batch), which nobody changes any more."""
+        rows = [each.T for each in (handle, speed, energy)]
+        for each in rows:
+            each.setflags(write=False)
+        return cls(handle=rows[0], speed=rows[1], energy=rows[2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stopped:
+    """Where a run stopped; the last axis of arrays is the batch.
+
+    Attributes:
+        dynamics: with its state at the end.
+        law: with all that it remembers.
+        force: sent so far, N (N·m), shape (n, batch).
+        position: read so far, m (rad), of the same shape.
+        states: of the dynamics so far, shape (n, size, batch).
+    """
+
+    dynamics: RigidDynamics | FlexibleDynamics
+    law: ControlLaw | None
+    force: FloatArray
+    position: FloatArray
+    states: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +102,7 @@ class Recording:
         reference: what a servo followed, m (rad), shape (batch, n), or None.
         kept: which rows reached the log, shape (batch, n), or None for all.
         truth: the true motion, where it was watched.
+        stopped: what a watched run goes on from.
     """
 
     sample_time: FloatArray
@@ -96,6 +115,7 @@ class Recording:
     reference: FloatArray | None = None
     kept: NDArray[np.bool_] | None = None
     truth: Truth | None = None
+    stopped: Stopped | None = None
 
     @property
     def batch(self) -> int:
@@ -139,6 +159,7 @@ def simulate(
     push: FloatArray | None = None,
     watch: bool = False,
     largest_step: float = LARGEST_STEP,
+    after: tuple[Stopped, Indices] | None = None,
 ) -> Recording:
     """Run a batch of devices for n samples.
 
@@ -163,6 +184,8 @@ def simulate(
         watch: whether the true motion is recorded too.
         largest_step: largest |h·p| of one integration step h of a rigid device, without unit; see
             motion.py for the error.
+        after: where a shorter run of the same devices stopped and which of its members are these,
+            ascending, shape (batch,): n counts from its start and what it played stays.
 
     Returns:
         One log a member. A loop that grows without bound ends in values that are not finite,
@@ -200,6 +223,10 @@ def simulate(
         command = command + column(controller.stiffness)[:, None] * reference
         controller = controller.regulator()
     law = None if controller is None else ControlLaw(controller, sample_time)
+    if after is not None:
+        stopped, which = after
+        dynamics.go_on(stopped.dynamics, which)
+        law = stopped.law and stopped.law.members(which)
     sent, readings, states = _run(
         dynamics,
         timetable,
@@ -209,6 +236,7 @@ def simulate(
         encoder=Encoder(column(rig.encoder_resolution)),
         noise=noise,
         watch=watch,
+        after=after,
     )
     with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
         truth = None if states is None else Truth.of(*dynamics.seen(states))
@@ -223,6 +251,9 @@ def simulate(
         reference=None if reference is None else read_only_copy(reference),
         kept=clock.kept(batch, samples, sources),
         truth=truth,
+        stopped=None
+        if states is None
+        else Stopped(dynamics=dynamics, law=law, force=sent, position=readings, states=states),
     )
 
 
@@ -247,6 +278,7 @@ def _run(
     encoder: Encoder,
     noise: FloatArray | None,
     watch: bool,
+    after: tuple[Stopped, Indices] | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Forces sent and readings, shape (samples, batch) each, and all states if they are watched."""
     samples, lead = len(command), timetable.lead
@@ -256,8 +288,16 @@ def _run(
     flat = commands.ravel()  # a view: row by row, one member after the other
     readings = np.empty_like(command)
     states = np.empty((samples, *dynamics.state().shape)) if watch else None
+    first = 0
+    if after is not None:
+        stopped, which = after
+        first = len(stopped.force)
+        commands[lead : lead + first] = stopped.force[:, which]
+        readings[:first] = stopped.position[:, which]
+        if states is not None:
+            states[:first] = stopped.states[..., which]
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(samples):
+        for k in range(first, samples):
             q = dynamics.measured()
             readings[k] = reading = encoder.read(q if noise is None else q + noise[k])
             if states is not None:

@@ -128,15 +128,8 @@ def _holding(felt: Sequence[SizedCombination], parts: NDArray[np.int64]) -> Bool
     good = np.zeros(len(felt), dtype=np.bool_)
     together: dict[tuple[int, float, bool], list[int]] = {}
     for place, (one, part) in enumerate(zip(felt, parts.tolist(), strict=True)):
-        late = part / _PARTS
-        alone = one.combination.lone
-        if alone is not None:
-            unknown = one.problem.unknowns[alone]
-            end = one.problem.loops.end_alone_at(unknown.effect, unknown.sign, late)
-            good[place] = end > float(one.sizes[alone]) * (1 + CLOSE)
-        else:
-            sprung = bool(one.combination.members[0])
-            together.setdefault((id(one.problem.loops), late, sprung), []).append(place)
+        key = id(one.problem.loops), part / _PARTS, bool(one.combination.members[0])
+        together.setdefault(key, []).append(place)
     for (_, late, _), places in together.items():
         good[places] = _stable([felt[place] for place in places], late)
     return good

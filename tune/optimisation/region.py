@@ -324,12 +324,6 @@ class Loops:
         which, loops = ("late", self.late) if late else ("present", self.present)
         return self._kept((effect, sign, which, 0.0), lambda: _least_end(loops, effect, sign))
 
-    def end_alone_at(self, effect: EffectName, sign: int, extra: float) -> float:
-        """Stable size of one effect, felt alone, ``extra`` samples beyond the longest delay."""
-        return self._kept(
-            (effect, sign, "latest", extra), lambda: _least_end(self.latest(extra), effect, sign)
-        )
-
     def quiet_alone(
         self, effect: EffectName, sign: int, *, resolution: float, limit: float, top: float
     ) -> float:

@@ -93,7 +93,7 @@ def sentences_of(content: Any) -> Iterator[str]:
 
 #: A number that is no part of a word, what stands before "1 - " as the whole of it, and its unit.
 _NUMBER = re.compile(
-    r"(?<![\w.])(1 - )?[-+≥]?(\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w.]*[A-Za-z]\d)( ?%| ms)?"
+    r"(?<![\w.])(1 - )?[-+≥]?(\d+(?:\.\d+)?(?:e[-+]?\d+)?)(?![\w.]*[A-Za-z]\d)( ?%| ms| µm)?"
 )
 
 
@@ -101,13 +101,14 @@ def missing_numbers(text: str, result: dict[str, Any]) -> list[str]:
     """Numbers of a text that are in the details of no result, rounded as the text rounds them."""
     for words in (*FIXED, *sentences_of(result)):
         text = text.replace(words, "")
+    text = re.sub("certified with .*", "", text)  # versions of libraries
     known = [abs(number) for number in numbers_of(result.get("details", {}))]
     missing: list[str] = []
     for found in _NUMBER.finditer(text):
         one_less, digits, unit = found.groups()
         mantissa, _, power = digits.partition("e")
         place = -len(mantissa.partition(".")[2]) + int(power or 0)
-        size = {None: 1.0, " ms": 1e-3}.get(unit, 1e-2)
+        size = {None: 1.0, " ms": 1e-3, " µm": 1e-6}.get(unit, 1e-2)
         value, half = float(digits) * size, 0.5000001 * 10.0**place * size
         # Zeros at the end of a whole number may be of rounding.
         half *= 10 ** (len(mantissa) - len(mantissa.rstrip("0"))) if "." not in mantissa else 1

@@ -43,7 +43,7 @@ def pushed(tremor: float, wander: float, samples: int = 8000) -> Trajectory:
     ("tremor", "wander", "severity", "told"),
     [
         (0.0, 0.0, "warning", "the mass is told"),
-        pytest.param(0.2, 0.0, "warning", "or a hand", marks=pytest.mark.long),
+        pytest.param(0.3, 0.0, "warning", "or a hand", marks=pytest.mark.long),
         (0.0, 2.0, "refusal", "or a hand"),
     ],
 )

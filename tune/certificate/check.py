@@ -439,8 +439,10 @@ def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
             excess_over_request(design, name, impedances(design, setting))
         )
     if word == "lead":
+        if not (element.one_sided and element.stiffness):
+            return False
         least, most = lead_of(design, name)
-        return element.one_sided and (least < 0 or most > (element.lead or 0.0))
+        return least < 0 or most > (element.lead or 0.0)
     every = clamped_combinations(design) if word == "saturation" else design.combinations()
     if any(_breaks(design, combination, word) for combination in every if name in combination):
         return True

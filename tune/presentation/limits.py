@@ -248,7 +248,7 @@ def uses_of(design: Design, name: str) -> tuple[Use, ...]:
     for effect, reason in element.limited_by.items():
         bound[reason] = (*bound.get(reason, ()), effect)
     found = (
-        *_margin_uses(design, name),
+        *_margin_uses(design, name, units["length"]),
         *_force_uses(design, name, units["force"]),
         *_felt_uses(design, element),
     )
@@ -268,7 +268,8 @@ def _late_gain(design: Design, name: str) -> float:
     return float(min(np.min(safe_gain(each.loop, m)) for each in corners for m in combinations))
 
 
-def _margin_uses(design: Design, name: str) -> _Found:
+def _margin_uses(design: Design, name: str, unit: str) -> _Found:
+    """Margins, and how far before its face a wall may be met, in a unit of length."""
     element = design.elements[name]
     margin, own = design.margin, element.margins
     if own.gain > 0:
@@ -287,7 +288,8 @@ def _margin_uses(design: Design, name: str) -> _Found:
         yield "proof of its clamp", "saturation", part, words
     if element.lead and element.contact and element.contact.lead and element.damping:
         part = element.contact.lead / element.lead
-        yield "met before its face", "lead", part, f"{part:.3g} of what it may be"
+        words = f"{element.contact.lead:.3g} of {element.lead:.3g} {unit}"
+        yield "met before its face", "lead", part, words
 
 
 def _sustained(element: ElementProfile) -> float:

@@ -226,6 +226,6 @@ def rendered(seed: int) -> Three:
 
 
 def late(seed: int) -> Three:
-    """Force that arrives 3, 7 and 15 samples after its command."""
-    rigs = replace(_RIG, delay=_STEP * np.array([3.0, 7.0, 15.0]))
+    """Force that arrives 7, 15 and 25 samples after its command."""
+    rigs = replace(_RIG, delay=_STEP * np.array([7.0, 15.0, 25.0]))
     return _three(rigs, np.stack([_force(_RIG, _course(seed))] * 3), seed)

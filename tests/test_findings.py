@@ -178,6 +178,16 @@ def test_rows_lost_and_renumbered_are_named(step: float) -> None:
     assert {each.code for each in inspect(gaps, None)} == {"dropped-samples"}
 
 
+@pytest.mark.parametrize("seed", [407, 477])
+def test_noise_that_makes_long_steps_makes_as_many_short_ones_and_loses_no_row(seed: int) -> None:
+    """Of 600 seeds two of those whose noise has 15 to 17 jumps forward and half as many back."""
+    force = multisine(np.random.default_rng(0), samples=20_000, runs=1, axis=Axis())
+    place = positions(replace(Axis(), coulomb=0.0, delay=STEP), force)[:, 0]
+    noise = 1e-5 * np.random.default_rng(seed).standard_normal(place.size)
+    noisy = log(force[:, 0], place + noise)
+    assert "lost-rows" not in {each.code for each in inspect(noisy, None)}
+
+
 @pytest.mark.parametrize("counts", [5.0, 20.0])
 def test_noise_on_a_fine_encoder_is_no_unit(counts: float) -> None:
     noise = counts * 1e-7 * np.random.default_rng(4).standard_normal(len(plain()))

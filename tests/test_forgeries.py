@@ -220,6 +220,15 @@ def test_a_forged_key_is_refused_or_named_as_trusted() -> None:
     assert tried > 5
 
 
+@pytest.mark.usefixtures("_proofs_are_kept")
+def test_a_lead_of_what_has_no_spring_limits_nothing() -> None:
+    content = copy.deepcopy(to_mapping(_tuned()))
+    assert content["elements"]["water"]["stiffness"] == 0.0
+    content["elements"]["water"]["limited_by"]["damping"] = "lead"
+    with pytest.raises(CheckFailedError, match="damping is said to be limited by lead"):
+        check_content({**content, "digest": digest_of(content)}, "profile.yaml")
+
+
 @pytest.mark.long
 @pytest.mark.usefixtures("_proofs_are_kept")
 @pytest.mark.parametrize("full", [False, True])

@@ -37,6 +37,8 @@ _CONVERGED = 1e-2
 _REPEATS = 2
 #: Singular values of unit columns below this part of the largest carry nothing but rounding.
 _ROUNDING = 1e-14
+#: A square of a column below this is none: its inverse would be beyond all numbers.
+_NO_SQUARE = 1e-200
 #: A force that moves nothing leaves 1/m at zero; it is kept this far from it, 1/kg.
 _LIGHTEST = 1e-15
 
@@ -159,7 +161,8 @@ def _improved(problem: Separable, best: Solution, move: FloatArray) -> Solution 
 def _linear(problem: Separable, theta: FloatArray) -> Solution:
     columns, target = problem.at(theta)
     gram = columns @ columns.T
-    size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
+    square = np.diag(gram)
+    size = np.sqrt(np.where(square > _NO_SQUARE, square, 1.0))
     scale = np.outer(size, size)
     inverse = symmetric_inverse(gram / scale, _ROUNDING) / scale
     weights = inverse @ (columns @ target)

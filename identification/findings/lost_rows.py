@@ -28,9 +28,10 @@ _FEWEST_LONG, _SURE = 8, 4
 #: Position then jumps by this part of the steps lost, and so many deviations.
 _JUMPS, _SURELY = 0.4, 4.0
 #: Rows to either side of a cubic that a jump is told by, there and where no step is clear; then
-#: so many jumps of one step within a part are needed, and so many times those backward.
+#: so many jumps of one step within a part are needed, so many times those backward, and so many
+#: deviations of both counts more than those: noise makes as many of either.
 _BESIDE, _WIDE = 6, 12
-_FEWEST_WIDE, _WITHIN, _WIDELY_SURE = 15, 0.4, 2
+_FEWEST_WIDE, _WITHIN, _WIDELY_SURE, _MORE = 15, 0.4, 2, 3.0
 #: Part of the rows lost up to which the log stands as it is, and up to which time is put back ...
 _HARMLESS, _MOST_LOST = 0.002, 0.2
 _DOUBTED = 0.0025  # ... if chance leaves its length in doubt by this part at most, one deviation.
@@ -148,7 +149,7 @@ def _suspected(trajectory: Trajectory, noise: float) -> Restored:
     near = [np.flatnonzero(np.abs(sign * excess - 1) < _WITHIN) for sign in (1, -1)]
     # Rows beside a loss see it too; one of them counts.
     long, short = (int(np.sum(np.diff(each, prepend=-_WIDE) >= _WIDE)) for each in near)
-    if long < max(_FEWEST_WIDE, _WIDELY_SURE * short):
+    if long < max(_FEWEST_WIDE, _WIDELY_SURE * short, short + _MORE * np.sqrt(long + short)):
         return Restored(trajectory=trajectory)
     first = float(trajectory.time[near[0][0] + _WIDE - 1])
     share = long / int(clear.sum())

@@ -181,6 +181,8 @@ def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
             assert program == "haptune", f"{page}: {command}"
             if arguments[0] == "excite":
                 _edit_excitation(line)
+            if "planar.csv" in arguments:
+                shutil.copy(bundled_path("planar.csv"), "planar.csv")
             if "gentle_log.csv" in arguments:
                 _play_gently()
             if arguments[0] == "verify":

@@ -84,6 +84,17 @@ def test_refused_by_doctor_as_by_identify() -> None:
     assert haptune("doctor", turned, "--force-gain", "-1").code == 0
 
 
+def test_a_force_beyond_that_of_any_actuator_ends_in_a_refusal() -> None:
+    """One reading of 1e12 N, of which no force limit can be suggested."""
+    lines = Path("homerehab.csv").read_text(encoding="utf-8").splitlines()[:1002]
+    time, _, *others = lines[300].split(",")
+    lines[300] = ",".join((time, "1e12", *others))
+    Path("glitch.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    ended = haptune("doctor", "glitch.csv")
+    assert ended.code == 4
+    assert "peak force        1e+12 N" in ended.out
+
+
 def test_one_bad_log_does_not_hide_the_others() -> None:
     holes = changed("holes.csv", position=None)
     ended = haptune("doctor", holes, "homerehab.csv", "--json")

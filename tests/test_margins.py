@@ -33,7 +33,10 @@ def draw(rng: np.random.Generator, *, plain: bool = False) -> Case:
     """A stable case at a random part of its gain limit; plain: rigid, held, whole samples."""
     while True:
         case = _drawn(rng, plain=plain)
-        limit = Sampled(case).safe_gain()
+        try:
+            limit = Sampled(case).safe_gain()
+        except ArithmeticError:  # a pole on the circle at every gain, as of a mass without damping
+            continue
         if limit == 0:
             continue
         gain = rng.uniform(0.03, 0.9) * limit if np.isfinite(limit) else 1.0
@@ -97,6 +100,8 @@ def _differences(case: Case) -> dict[str, float]:
 
     peak, hertz = reference.largest(balanced)
     found = margins_of(loop, effects)
+    if found.critical_frequency_hz == 0:  # what is looked through begins a little above
+        peak, hertz = max(peak, float(balanced(acb(0, 1e-15).exp()))), 0.0
     decays = reference.in_s()
     slow = [(d, r) for d, r in decays if exp(-d * case.sample_time) > exp(-pi)]
     pairs = {

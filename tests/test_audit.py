@@ -76,6 +76,10 @@ def test_a_wall_of_a_profile_is_judged_as_a_wall_that_is_cut(tmp_path: Path) -> 
     stiff = haptune(*softer[:2], "--stiffness", "60000", "--like", f"{path},wall", "--json")
     assert stiff.code == 6
     assert {each["limit"] for each in stiff.result["details"]["faults"]} == {"stability"}
+    own = haptune(*softer[:2], "--like", f"{path},wall", "--json")
+    same = (*softer[:2], "--stiffness", "3000", "--damping", "30", "--like", f"{path},wall")
+    assert own.code == 0
+    assert own.result["details"] == haptune(*same, "--json").result["details"]
     strange = haptune(*softer, "--like", f"{path},door")
     assert strange.code == 2
     assert "door is no element of it" in strange.err

@@ -69,8 +69,8 @@ def audit_command(
         str | None,
         Option(
             metavar="PROFILE,ELEMENT",
-            help="Judged as this element is: a wall, in its motion, by filters of its profile "
-            "where none are given.",
+            help="Judged as this element is: a wall, in its motion; by its gains, and the filters "
+            "of its profile, where none are given.",
         ),
     ] = None,
     picture: Picture = None,
@@ -84,8 +84,10 @@ def audit_command(
 
     wanted = {"stiffness": stiffness, "damping": damping, "mass": mass}
     session.target(picture, Path(device))
-    _refuse_nonsense(wanted, extra_delay_samples)
     model = _model_of(like)
+    if model is not None and not any(wanted.values()):
+        wanted = {name: getattr(model[0].elements[model[1]], name) for name in wanted}
+    _refuse_nonsense(wanted, extra_delay_samples)
     given = (velocity_filter, acceleration_filter, filter_damping_ratio)
     filters = _filters(*given, Filters() if model is None else filters_of(model[0].loop))
     known = ident.load_device(device)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from identification import Hardware, Trajectory, identify, quantity
 from identification.findings import CODES, judge
+from tests.simulated.catalogue import machines
 from tests.simulated.families import FAMILIES
 
 Array = NDArray[np.float64]
@@ -171,3 +172,13 @@ def test_what_other_evidence_says_against_an_estimate_is_found() -> None:
         found = judge(fit.trajectory, fit.others[0], chosen, consulted=[other])
         assert [each.code for each in found] == [code] * bool(code), words
         assert all(words in each.seen for each in found)
+
+
+def test_a_search_that_did_not_settle_is_not_believed() -> None:
+    """A gap of 1 mm before a third of the mass, of which innovations make 3.11 ± 0.07 kg."""
+    _, _, loose = machines.played_loose(106)
+    found = identify(loose.trajectory(), hardware=Hardware(motion="linear"), allow=CODES)
+    assert found.method == "least-squares"
+    assert "innovations did not settle" in found.reason
+    assert found.device.mass.low < 3.0 < found.device.mass.high
+    assert {"heldout-misfit", "not-exciting-mass"} <= {each.code for each in found.findings}

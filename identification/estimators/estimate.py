@@ -37,6 +37,8 @@ _CONVERGED = 1e-2
 _REPEATS = 2
 #: Singular values of unit columns below this part of the largest carry nothing but rounding.
 _ROUNDING = 1e-14
+#: Note on an estimate whose search was ended.
+UNSETTLED = "the search ended before it settled"
 #: A square of a column below this is none: its inverse would be beyond all numbers.
 _NO_SQUARE = 1e-200
 #: A force that moves nothing leaves 1/m at zero; it is kept this far from it, 1/kg.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.estimate import (
+    UNSETTLED,
     Estimate,
     PointEstimate,
     Solution,
@@ -179,7 +180,7 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
         f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
         + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
     ]
-    notes += [] if best.converged else ["the search ended before it settled"]
+    notes += [] if best.converged else [UNSETTLED]
     return complete_estimate(
         "innovations",
         table,

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.estimate import (
+    UNSETTLED,
     Estimate,
     PointEstimate,
     gauss_newton,
@@ -133,7 +134,7 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
         step=table.signals.step,
     )
     around = replace(around, covariance=around.covariance + drift)
-    notes = () if found.converged else ("the search ended before it settled",)
+    notes = () if found.converged else (UNSETTLED,)
     return complete_estimate(
         "output-error", table, best, around, fitted=fits_delay, unit="position", notes=notes
     )

@@ -206,10 +206,9 @@ class RigidDynamics:
         if self._loads is not None:
             self._resisted = self._loads[sample]
 
-    def go_on(self, before: RigidDynamics | FlexibleDynamics, which: Indices) -> None:
-        """The state of these members, shape (batch,), of a run before is now that of this one."""
-        assert isinstance(before, RigidDynamics)
-        self._state = before._state.take(which, axis=1)
+    def go_on(self, state: FloatArray) -> None:
+        """The motion goes on from such a state."""
+        self._state = state
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
@@ -332,10 +331,11 @@ class FlexibleDynamics:
         if self._forces.handle is not None:
             self._z[:, -1] = self._push + self._forces.handle[sample]
 
-    def go_on(self, before: RigidDynamics | FlexibleDynamics, which: Indices) -> None:
-        """The state of these members, shape (batch,), of a run before is now that of this one."""
-        assert isinstance(before, FlexibleDynamics)
-        self._z, self._direction = before._z[which], before._direction[which]
+    def go_on(self, state: FloatArray) -> None:
+        """The motion goes on from such a state; what rests is judged anew, as at every sample."""
+        self._z = np.ascontiguousarray(state.T)
+        speed = self._z[:, self._mechanism.coordinates]
+        self._direction = np.where(self._turning, np.sign(speed), 1.0)
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""

@@ -220,7 +220,7 @@ def _played(
     *,
     samples: int,
     seeds: Sequence[int],
-    after: tuple[Stopped, NDArray[np.intp]] | None = None,
+    after: Stopped | None = None,
 ) -> tuple[Recording, list[str], Mask]:
     """Plays recorded over so many samples, what grew in each, or "", and which are pushed.
 
@@ -452,11 +452,14 @@ def rehearse(
     plays = _plays(controller, conditions, sizes.batch)
     force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
     ends: dict[int, Ending] = {}
-    left, rates = list(range(len(plays))), _slowest_rates(controller, conditions, sizes.batch)
-    after: tuple[Stopped, NDArray[np.intp]] | None = None
+    rates = _slowest_rates(controller, conditions, sizes.batch)
+    left: list[int] = list(range(len(plays)))
+    stopped: Stopped | None = None
+    going: list[int] = []  # places of those that are left among those that were played last
     for samples in (sizes.samples, _LONGER * sizes.samples):
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
+        after = stopped and stopped.members(np.array(going, dtype=np.intp))
         seen, grown, pushes = _played(
             controller, conditions, sizes, part, samples=samples, seeds=seeds, after=after
         )
@@ -476,12 +479,11 @@ def rehearse(
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
-        going = [place for place in range(len(left)) if not ends[left[place]].at_rest]
+        stopped = seen.stopped
+        going = [place for place, k in enumerate(left) if not ends[k].at_rest]
         left = [left[place] for place in going]
         if not left:
             break
-        assert seen.stopped is not None
-        after = seen.stopped, np.array(going, dtype=np.intp)
     order = list(_KINDS)
     played = sorted(range(len(plays)), key=lambda k: (order.index(plays[k].name), k))
     return tuple(

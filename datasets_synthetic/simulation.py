@@ -73,18 +73,28 @@ class Stopped:
     """Where a run stopped; the last axis of arrays is the batch.
 
     Attributes:
-        dynamics: with its state at the end.
         law: with all that it remembers.
         force: sent so far, N (N·m), shape (n, batch).
         position: read so far, m (rad), of the same shape.
-        states: of the dynamics so far, shape (n, size, batch).
+        states: of the dynamics at each sample so far, shape (n, size, batch).
+        state: in which it stopped, shape (size, batch).
     """
 
-    dynamics: RigidDynamics | FlexibleDynamics
     law: ControlLaw | None
     force: FloatArray
     position: FloatArray
     states: FloatArray
+    state: FloatArray
+
+    def members(self, which: Indices) -> Stopped:
+        """That of these members, shape (members,), ascending, which go on without the others."""
+        return Stopped(
+            law=self.law and self.law.members(which),
+            force=self.force[:, which],
+            position=self.position[:, which],
+            states=self.states[..., which],
+            state=self.state.take(which, axis=1),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +169,7 @@ def simulate(
     push: FloatArray | None = None,
     watch: bool = False,
     largest_step: float = LARGEST_STEP,
-    after: tuple[Stopped, Indices] | None = None,
+    after: Stopped | None = None,
 ) -> Recording:
     """Run a batch of devices for n samples.
 
@@ -184,8 +194,8 @@ def simulate(
         watch: whether the true motion is recorded too.
         largest_step: largest |h·p| of one integration step h of a rigid device, without unit; see
             motion.py for the error.
-        after: where a shorter run of the same devices stopped and which of its members are these,
-            ascending, shape (batch,): n counts from its start and what it played stays.
+        after: where a shorter run of the same members stopped, whose law goes on: n counts from its
+            start and what it played stays.
 
     Returns:
         One log a member. A loop that grows without bound ends in values that are not finite,
@@ -222,11 +232,10 @@ def simulate(
         reference = _followed(controller, batch, samples)
         command = command + column(controller.stiffness)[:, None] * reference
         controller = controller.regulator()
-    law = None if controller is None else ControlLaw(controller, sample_time)
     if after is not None:
-        stopped, which = after
-        dynamics.go_on(stopped.dynamics, which)
-        law = stopped.law and stopped.law.members(which)
+        law = after.law
+    else:
+        law = None if controller is None else ControlLaw(controller, sample_time)
     sent, readings, states = _run(
         dynamics,
         timetable,
@@ -253,7 +262,7 @@ def simulate(
         truth=truth,
         stopped=None
         if states is None
-        else Stopped(dynamics=dynamics, law=law, force=sent, position=readings, states=states),
+        else Stopped(law=law, force=sent, position=readings, states=states, state=dynamics.state()),
     )
 
 
@@ -278,7 +287,7 @@ def _run(
     encoder: Encoder,
     noise: FloatArray | None,
     watch: bool,
-    after: tuple[Stopped, Indices] | None,
+    after: Stopped | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Forces sent and readings, shape (samples, batch) each, and all states if they are watched."""
     samples, lead = len(command), timetable.lead
@@ -290,12 +299,11 @@ def _run(
     states = np.empty((samples, *dynamics.state().shape)) if watch else None
     first = 0
     if after is not None:
-        stopped, which = after
-        first = len(stopped.force)
-        commands[lead : lead + first] = stopped.force[:, which]
-        readings[:first] = stopped.position[:, which]
+        first = len(after.force)
+        dynamics.go_on(after.state)
+        commands[lead : lead + first], readings[:first] = after.force, after.position
         if states is not None:
-            states[:first] = stopped.states[..., which]
+            states[:first] = after.states
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(first, samples):
             q = dynamics.measured()

@@ -447,7 +447,7 @@ FAULTS: tuple[Fault, ...] = (
         ("residuals that are white", "if not is_coloured(residual):", "if True:"),
         (
             "an estimate that knows less",
-            '    sharper = settled and predicted.value("mass") > 0 and region(predicted) <= region(default)',
+            "    sharper = found and region(predicted) <= region(default)",
             "    sharper = True",
         ),
     ),

@@ -286,7 +286,7 @@ def test_some_members_of_a_run_go_on_as_they_play_when_nothing_stops(kind: str, 
         controller=law.members(some),
         push=push,
         **start,
-        after=(before.stopped, some),
+        after=before.stopped.members(some),
     )
     assert after.truth is not None
     assert np.any(np.abs(whole.force[some, 300:]) > 1.0, axis=1).all()

@@ -317,13 +317,13 @@ class SuggestedFacts:
         """The coarsest of the finest readings of position, m (rad)."""
         return max(finest_reading(log.position, log.force) for log in self.logs)
 
-    def largest_force(self) -> float:
+    def _largest_force(self) -> float:
         """The largest force logged, in its unit."""
         return max(float(np.max(np.abs(log.force))) for log in self.logs)
 
     def force_limit(self) -> ForceLimit:
         """The largest force logged, N (N·m), as far as there are such; no limit of an actuator."""
-        peak = min(self.largest_force(), LARGEST)
+        peak = min(self._largest_force(), LARGEST)
         return ForceLimit(continuous=peak, peak=peak, source="log")
 
     def not_stated(self, hardware: Hardware | None) -> tuple[Finding, ...]:
@@ -339,7 +339,7 @@ class SuggestedFacts:
             which = f"position spans {travel:.4g}, which may be m or rad"
             facts.append(f"motion: linear or motion: rotary ({which})")
         if hardware.force_limit is None:
-            reached = self.largest_force()
+            reached = self._largest_force()
             facts.append(f"force_limit (the log reaches {reached:.4g}, in its unit)")
         if hardware.encoder_resolution is None:
             facts.append(f"encoder_resolution ({self.resolution():.4g} by the log)")

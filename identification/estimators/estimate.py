@@ -282,6 +282,11 @@ class Estimate:
         return self.model.parameters
 
     @property
+    def settled(self) -> bool:
+        """Whether the search ended by itself."""
+        return UNSETTLED not in self.notes
+
+    @property
     def whiteness(self) -> float:
         """Distance of the residual's cumulated spectrum from white noise, 0 to 1."""
         return whiteness(self.residual)

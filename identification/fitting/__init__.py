@@ -16,7 +16,6 @@ from identification.device.quantities import Quantity
 from identification.errors import Finding
 from identification.estimators import GIVEN_A_DELAY
 from identification.estimators.estimate import (
-    UNSETTLED,
     Estimate,
     Gravity,
     Model,
@@ -297,8 +296,8 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
         return best, f"{_named(best)}, because what is left is like a white force"
     predicted = prepared.fit("innovations")
     apart = contradiction(predicted, judge)
-    settled = UNSETTLED not in predicted.notes
-    sharper = settled and predicted.value("mass") > 0 and region(predicted) <= region(default)
+    found = predicted.settled and predicted.value("mass") > 0
+    sharper = found and region(predicted) <= region(default)
     told = inertia_of(balance_of(prepared.trajectory, predicted)) if sharper else None
     wrong = [told is not None and told.contradicts(each) for each in (predicted, default)]
     if any(wrong) and not all(wrong):
@@ -312,7 +311,9 @@ def robust(prepared: PreparedLog) -> tuple[Estimate, str]:
             "innovations, because noise of the position does not explain all that is left, they "
             f"know mass and damping best, and {_named(judge)} do not contradict"
         )
-    why = "innovations know mass and damping less well" if settled else "innovations did not settle"
+    why = "innovations know mass and damping less well"
+    if not predicted.settled:
+        why = "innovations did not settle"
     if apart:
         why = (
             f"innovations say {apart} of {_named(judge)}: the friction or another force is not "

@@ -43,6 +43,7 @@ OF_AN_AXIS = frozenset(CODES) - {"axes-not-told-apart"}
 SHOWN_ELSEWHERE = {
     "backlash",
     "controller-identified",
+    "delay-contradicted",
     "delay-unknown",
     "drive-lag",
     "heldout-misfit",

@@ -59,6 +59,7 @@ CODES = (
     "hand-on-device",
     "controller-identified",
     "delay-unknown",
+    "delay-contradicted",
     "non-finite",
     "constant-column",
     "too-short",
@@ -434,7 +435,7 @@ def _doubted_delay(
     stated: Quantity | None,
     others: Iterable[Estimate],
 ) -> Iterator[Finding]:
-    """``delay-unknown``, once: not told, not as stated, or told differently by two methods."""
+    """A delay that is not told, not as stated, or told differently by two methods: one of them."""
     if delay is None:
         yield from _contradicting_delays(trajectory, chosen, others)
         return
@@ -447,24 +448,35 @@ def _doubted_delay(
         f"{width * 1e3:.2g} ms of delay"
     )
     remedy = "State delay in the hardware file, or excite fast enough to show it."
-    refused = delay.value >= most - _AT_END * step
-    if refused:
-        seen += f", the end of the scan from 0 to {most * 1e3:.4g} ms"
-        needed = f"a delay below {most * 1e3:.4g} ms"
+    if delay.value >= most - _AT_END * step:
+        yield Finding(
+            code="delay-unknown",
+            severity="refusal",
+            seen=f"{seen}, the end of the scan from 0 to {most * 1e3:.4g} ms",
+            needed=f"a delay below {most * 1e3:.4g} ms",
+            remedy=remedy,
+        )
     elif stated is not None and contradicts_delay(delay, stated, step):
-        seen += f", the hardware states {stated.value * 1e3:.4g} ms"
-        needed = f"the same within {_WRONG_DELAY:g} samples ({_WRONG_DELAY * step * 1e3:.4g} ms)"
-        remedy = (
-            "Correct delay in the hardware file, or the alignment of the columns: force[k] is what "
-            "was sent at time[k]. Mass and damping were told with the delay of the log."
+        yield Finding(
+            code="delay-contradicted",
+            severity="warning",
+            seen=f"{seen}, the hardware states {stated.value * 1e3:.4g} ms",
+            needed=f"the same within {_WRONG_DELAY:g} samples ({_WRONG_DELAY * step * 1e3:.4g} ms)",
+            remedy="Correct delay in the hardware file, or the alignment of the columns: force[k] "
+            "is what was sent at time[k]. If both are right, the device does what the model lacks, "
+            "as play or a lagging drive, and the mass may be off by more than its interval. Mass "
+            "and damping were told with the delay of the log.",
         )
     elif width > _WIDEST_DELAY * step:
-        needed = f"a delay within ± {_WIDEST_DELAY:g} sample"
+        yield Finding(
+            code="delay-unknown",
+            severity="warning",
+            seen=seen,
+            needed=f"a delay within ± {_WIDEST_DELAY:g} sample",
+            remedy=remedy,
+        )
     else:
         yield from _contradicting_delays(trajectory, chosen, others)
-        return
-    severity = "refusal" if refused else "warning"
-    yield Finding(code="delay-unknown", severity=severity, seen=seen, needed=needed, remedy=remedy)
 
 
 def _contradicting_delays(

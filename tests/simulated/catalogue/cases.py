@@ -67,7 +67,8 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
         "stiction": lambda: machines.sticking(seed),
         "hand-on-device": lambda: machines.held(seed),
         "controller-identified": lambda: machines.rendered(seed),
-        "delay-unknown": lambda: machines.late(seed),
+        "delay-unknown": lambda: machines.late(seed, 7.0, 15.0, 25.0),
+        "delay-contradicted": lambda: machines.late(seed, 1.3, 2.5, 5.0),
         "non-finite": lambda: (
             arrays.with_holes(first, 1, seed),
             arrays.with_holes(second, 80, seed),
@@ -99,13 +100,14 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
         (arrays.in_units(second, force=1000.0), _KNOWN),
         (arrays.in_counts(third, force=2047, position=20000), _NOTHING),
     )
+    known = ("drive-lag", "delay-contradicted")
     # How well the delay is known beside fast motion: to a tenth of a sample, or hardly at all.
     delays: dict[tuple[str, Level], dict[str, float]] = {
         ("not-exciting-damping", "mild"): {"value": 1e-3, "low": 0.9e-3, "high": 1.1e-3},
         ("not-exciting-damping", "plain"): {"value": 1e-3, "low": 0.0, "high": 2e-3},
         ("not-exciting-damping", "severe"): {"value": 1e-3, "low": 0.0, "high": 4e-3},
         # Slow motion tells a lag from a delay only where the delay is known.
-        **{("drive-lag", level): {"value": 1e-3} for level in LEVELS},
+        **{(code, level): {"value": 1e-3} for code in known for level in LEVELS},
     }
     found = [
         Case(

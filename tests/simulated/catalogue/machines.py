@@ -225,7 +225,7 @@ def rendered(seed: int) -> Three:
     return logs[0], logs[1], RawLog(time=_TIME, force=-500.0 * place, position=place)
 
 
-def late(seed: int) -> Three:
-    """Force that arrives 7, 15 and 25 samples after its command."""
-    rigs = replace(_RIG, delay=_STEP * np.array([7.0, 15.0, 25.0]))
+def late(seed: int, *samples: float) -> Three:
+    """Force that arrives so many samples after its command."""
+    rigs = replace(_RIG, delay=_STEP * np.array(samples))
     return _three(rigs, np.stack([_force(_RIG, _course(seed))] * 3), seed)

@@ -157,6 +157,13 @@ VIEWS: dict[str, View] = {
     "delay-unknown": View(
         abscissa="acceleration, m/s²", ordinate=_N, points=_over_acceleration, style=","
     ),
+    "delay-contradicted": View(
+        abscissa="acceleration, m/s²",
+        ordinate=_N,
+        points=_over_acceleration,
+        style=",",
+        level="severe",
+    ),
     "non-finite": View(
         abscissa=_TIME, ordinate=_N, points=_force, style=".-", seconds=0.1, level="severe"
     ),

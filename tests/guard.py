@@ -6,16 +6,20 @@ import ctypes
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
+from numpy.typing import NDArray
 
 from tune import SafeProfile, export
+
+FloatArray = NDArray[np.float64]
 
 STATUS = (
     "OK",
@@ -30,6 +34,7 @@ STATUS = (
     "LATE",
     "PUSHING",
     "TOO_NARROW",
+    "NOT_SQUARE",
 )
 FLAGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 
@@ -69,6 +74,45 @@ double door_force(
 double door_level(unsigned index)
 {
     return guard.contacts[index].level;
+}
+"""
+
+#: The guard of several axes behind such functions.
+_DOOR_OF_AXES = """\
+#include "haptune_guard.h"
+
+static haptune_axes device;
+
+void door_init(void);
+int door_enter(uint64_t elements);
+int door_place(unsigned face, uint64_t element, const double *normal, double offset);
+int door_force(uint64_t elements, uint32_t faces, uint32_t period, const double *position,
+    double gain, double *force, uint32_t *counts);
+
+void door_init(void)
+{
+    haptune_axes_init(&device);
+}
+
+int door_enter(uint64_t elements)
+{
+    return (int)haptune_axes_enter(&device, elements);
+}
+
+int door_place(unsigned face, uint64_t element, const double *normal, double offset)
+{
+    return (int)haptune_axes_place(&device, face, element, normal, offset);
+}
+
+int door_force(uint64_t elements, uint32_t faces, uint32_t period, const double *position,
+    double gain, double *force, uint32_t *counts)
+{
+    const haptune_status status = haptune_axes_force(
+        &device, elements, faces, period, position, gain, force);
+    counts[0] = (uint32_t)device.clamped;
+    counts[1] = device.missed;
+    counts[2] = device.glitches;
+    return (int)status;
 }
 """
 
@@ -161,6 +205,60 @@ class Guard:
         return [self.call(each) for each in calls]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplyOfAxes:
+    """What one call left behind."""
+
+    status: str
+    force: FloatArray  # (axes,)
+    clamped: bool
+    missed: int
+    glitches: int
+
+
+class GuardOfAxes:
+    """A compiled guard of several axes, called in this process."""
+
+    def __init__(self, files: Mapping[str, str], folder: Path, axes: int) -> None:
+        self._door = ctypes.CDLL(str(_built(files, _DOOR_OF_AXES, folder)))
+        self._axes = axes
+        numbers, count = ctypes.c_void_p, ctypes.c_uint32
+        self._door.door_enter.argtypes = [ctypes.c_uint64]
+        self._door.door_place.argtypes = [ctypes.c_uint, ctypes.c_uint64, numbers, ctypes.c_double]
+        self._door.door_force.argtypes = [
+            *(ctypes.c_uint64, count, count, numbers, ctypes.c_double, numbers, numbers)
+        ]
+
+    def start(self) -> None:
+        """haptune_axes_init."""
+        self._door.door_init()
+
+    def enter(self, elements: int) -> str:
+        """haptune_axes_enter."""
+        return STATUS[self._door.door_enter(elements)]
+
+    def place(self, face: int, element: int, normal: Sequence[float], offset: float) -> str:
+        """haptune_axes_place."""
+        pointed = (ctypes.c_double * self._axes)(*normal)
+        return STATUS[self._door.door_place(face, element, pointed, offset)]
+
+    def push(
+        self, elements: int, faces: int, period: int, position: Sequence[float], gain: float = 1.0
+    ) -> ReplyOfAxes:
+        """haptune_axes_force."""
+        read, force = (ctypes.c_double * self._axes)(*position), (ctypes.c_double * self._axes)()
+        counts = (ctypes.c_uint32 * 3)()
+        status = self._door.door_force(elements, faces, period, read, gain, force, counts)
+        clamped, missed, glitches = counts
+        return ReplyOfAxes(
+            status=STATUS[status],
+            force=np.array(force),
+            clamped=clamped == 1,
+            missed=missed,
+            glitches=glitches,
+        )
+
+
 class InPython:
     """The law of the ROS 2 files, called as a guard is."""
 
@@ -230,11 +328,15 @@ def write(files: Mapping[str, str], folder: Path) -> None:
 
 def built(files: Mapping[str, str], folder: Path) -> Guard:
     """Compile without a single warning."""
-    write({**files, "door.c": _DOOR}, folder)
+    return Guard(_built(files, _DOOR, folder))
+
+
+def _built(files: Mapping[str, str], door: str, folder: Path) -> Path:
+    write({**files, "door.c": door}, folder)
     cc = compiler("cc", "gcc", "clang")
     shared = ["-shared", "-fPIC", "door.c", "haptune_guard.c", "-o", "guard.so"]
     subprocess.run([cc, *FLAGS, *shared], cwd=folder, check=True)
-    return Guard(folder / "guard.so")
+    return folder / "guard.so"
 
 
 def compiles(folder: Path, *flags: str, standard: str = "c99") -> str:

@@ -20,7 +20,7 @@ from datasets_synthetic import RigOfAxes, bundled_path
 from datasets_synthetic.scenarios import planar_texts
 from identification import Device, Hardware, InvalidInputError, LogRefusedError, identify
 from tests.commands import haptune
-from tests.guard import built, enter, push
+from tests.guard import GuardOfAxes, built, enter, push
 from tests.planar import (
     DAMPING,
     FRICTION,
@@ -30,7 +30,7 @@ from tests.planar import (
     motion,
     tangled,
 )
-from tune import export, load_profile
+from tune import Scene, export, load_profile, optimise
 from tune.documents.profile import SafeProfile
 
 FloatArray = NDArray[np.float64]
@@ -339,13 +339,148 @@ def test_device_files_that_contradict_themselves_are_refused(
         ident.parse_document(Device, content, "device.yaml")
 
 
-def test_guards_of_all_axes_and_walls_make_nothing_grow(room: Path) -> None:
-    """Compiled guards, one an axis and one a wall, on the true device without friction.
+@pytest.fixture(scope="module")
+def profile(room: Path) -> SafeProfile:
+    return load_profile(room / "profile.yaml")
 
-    A room that stands askew, a fluid on each axis switched at any moment: however fast it comes in,
-    the device ends slower, and no guard gives more than the peak.
+
+@pytest.fixture(scope="module")
+def bits(profile: SafeProfile) -> dict[str, int]:
+    return {name: 1 << place for place, name in enumerate(profile.elements)}
+
+
+@pytest.fixture(scope="module")
+def guard(room: Path, profile: SafeProfile) -> GuardOfAxes:
+    return GuardOfAxes(export(profile, "c"), _folder(room / "axes"), 2)
+
+
+@pytest.mark.parametrize("name", ["water", "cup", "rubber", "wall"])
+def test_along_any_line_the_guard_of_axes_plays_what_that_of_one_plays(
+    room: Path, profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes, name: str
+) -> None:
+    """A wavering motion along a line, periods missed, a gain that moves, more than springs hold."""
+    single = built(export(profile, "c"), _folder(room / f"single-{name}"))
+    chance = np.random.default_rng(3)
+    line = np.array([0.6, -0.8])
+    single.start()
+    guard.start()
+    assert single.call(enter(bits[name], 2e-4, 1)).status == "OK"
+    wall = name == "wall"
+    placed = guard.place(3, bits[name], line.tolist(), 2e-4) if wall else guard.enter(bits[name])
+    assert placed == "OK"
+    place = np.cumsum(np.cumsum(chance.normal(size=900)) - np.cumsum(chance.normal(size=900)))
+    place *= 0.03 / np.max(np.abs(place))
+    seen, cut, missed = 0.0, 0, 0
+    for k in range(900):
+        if chance.random() < 0.05:
+            continue
+        gain = float(chance.choice([1.0, 1.0, 1.0, 0.4]))
+        there = k % 300 > 20
+        along = single.call(push(bits[name] * there, k, place[k], gain))
+        elements, faces = (0, 8 * there) if wall else (bits[name] * there, 0)
+        reply = guard.push(elements, faces, k, place[k] * line, gain)
+        assert reply.status == along.status
+        assert (reply.clamped, reply.missed) == (along.clamped, along.missed)
+        assert reply.force == pytest.approx(along.force * line, rel=1e-9, abs=1e-9)
+        seen, cut, missed = max(seen, abs(along.force)), cut + along.clamped, along.missed
+    assert seen > 0.1
+    assert missed > 10
+    assert (cut > 10) == (name in {"rubber", "wall"})
+
+
+def test_a_force_that_is_cut_keeps_its_direction(
+    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    rubber, limit = profile.elements["rubber"], profile.device.force_limit
+    assert limit is not None
+    guard.start()
+    guard.enter(bits["rubber"] | bits["water"])
+    pulled = np.array([0.8, 0.6]) * 2 * rubber.force_level / rubber.stiffness
+    for k in range(1000):
+        guard.push(bits["rubber"], 0, k, (k / 1000 * pulled).tolist())
+    for k in range(1000, 2000):
+        guard.push(bits["rubber"], 0, k, pulled.tolist())
+    reply = guard.push(bits["rubber"], 0, 2000, pulled.tolist())
+    assert reply.clamped
+    assert reply.force == pytest.approx(-rubber.force_level * np.array([0.8, 0.6]), rel=1e-9)
+
+
+def test_faces_that_are_not_certified_together_give_no_force(
+    bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    periods = iter(range(100))
+
+    def start(*placed: tuple[float, float, float], state: str = "OK") -> None:
+        guard.start()
+        told = [guard.place(k, bits["wall"], each[:2], each[2]) for k, each in enumerate(placed)]
+        assert told == ["OK"] * (len(placed) - 1) + [state]
+
+    def status(faces: int, elements: int = 0) -> str:
+        reply = guard.push(elements, faces, next(periods), (0.0, 0.0))
+        assert not reply.force.any()
+        return reply.status
+
+    start((1.0, 0.0, -0.01), (0.0, -1.0, -0.01), (-1.0, 0.0, -0.01), (0.6, 0.8, -0.01))
+    assert status(7) == "OK"  # a room of three sides
+    assert status(9) == "NOT_SQUARE"
+    start((1.0, 0.0, -0.01), (1.0, 0.0, -0.02))
+    assert status(3) == "NOT_TOGETHER"  # one law twice
+    start((1.0, 0.0, 0.01), (-1.0, 0.0, 0.01))
+    assert status(3) == "TOO_NARROW"
+    start((1.0, 0.1, 0.0), state="NO_SIDE")
+    assert status(1) == "NOT_ENTERED"
+    start((np.nan, 0.1, 0.0), state="NOT_FINITE")
+    start((1.0, 0.0, np.inf), state="NOT_FINITE")
+    start((1.0, 0.0, -0.01))
+    assert guard.place(16, bits["wall"], (1.0, 0.0), 0.0) == "NOT_TOGETHER"
+    assert guard.place(1, bits["water"], (1.0, 0.0), 0.0) == "NOT_TOGETHER"
+    assert guard.place(1, bits["wall"] | bits["water"], (1.0, 0.0), 0.0) == "NOT_TOGETHER"
+    assert guard.enter(bits["wall"]) == "NOT_TOGETHER"
+    assert guard.enter(bits["feather"] | bits["cup"] | bits["water"]) == "OK"
+    assert status(1, bits["feather"]) == "NOT_TOGETHER"  # apart
+    assert status(1 << 20) == "NOT_ENTERED"
+
+
+def test_a_face_moves_only_while_it_gives_no_force_and_a_gap_ends_all(
+    bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    guard.start()
+    assert guard.place(0, bits["wall"], (0.0, 1.0), 0.0) == "OK"
+    replies = [guard.push(0, 1, k, (1e-3, 1e-5 * (20 - k))) for k in range(100)]
+    reply = replies[-1]
+    assert reply.force[0] == 0
+    assert reply.force[1] > 1
+    assert guard.place(0, bits["wall"], (1.0, 0.0), 0.0) == "PUSHING"
+    held = guard.push(0, 1, 100, (1e-3, np.nan))
+    assert held.status == "NOT_FINITE"
+    assert held.force == pytest.approx(reply.force, abs=0)
+    jumped = guard.push(0, 1, 101, (0.5, 1e-5 * (20 - 101)))
+    assert jumped.status == "LATE"
+    assert not jumped.force.any()
+    assert guard.push(0, 1, 102, (1e-3, -8e-4)).status in {"NOT_ENTERED", "LATE"}
+
+
+def test_fades_stand_still_while_a_face_pushes(bits: dict[str, int], guard: GuardOfAxes) -> None:
+    """A cup that is entered in the wall has no force before it is out of it."""
+    for pushing in (False, True):
+        guard.start()
+        guard.enter(bits["cup"])
+        assert guard.place(0, bits["wall"], (0.0, 1.0), 0.0 if pushing else -1.0) == "OK"
+        replies = [
+            guard.push(bits["cup"] * (k > 150), 1, k, (1e-5 * k, 1e-5 * (20 - k)))
+            for k in range(200)
+        ]
+        reply = replies[-1]
+        assert (reply.force[1] > 1) == pushing
+        assert (reply.force[0] == 0) == pushing
+
+
+def test_the_guard_of_all_axes_makes_nothing_grow(profile: SafeProfile, guard: GuardOfAxes) -> None:
+    """The compiled guard on the true device without friction: fast into corners, or adversely held.
+
+    A room that stands askew, one of whose walls comes and goes, a fluid switched at any moment:
+    however fast it comes in, the device ends slower, nothing is above the peak, and no wall pulls.
     """
-    profile = load_profile(room / "profile.yaml")
     truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
     rig = RigOfAxes(
         mass=np.array([truth["mass"]]),
@@ -354,46 +489,89 @@ def test_guards_of_all_axes_and_walls_make_nothing_grow(room: Path) -> None:
         delay=STEP,
         encoder_resolution=6e-6,
     )
-    files = export(profile, "c")
+    turned = np.array([[0.6, 0.8], [-0.6, -0.8], [-0.8, 0.6], [0.8, -0.6]])
+    for seed in range(8):
+        nothing_grows(guard, profile, rig, turned, seed)
+
+
+SCENE = """\
+schema: haptune/scene/1
+name: room
+margin: balanced
+elements:
+  wall: {stiffness: max, damping: max, one_sided: true}
+  water: {damping: DAMPING}
+  cup: {mass: MASS, damping: DAMPING}
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(100))
+def test_the_guard_of_a_random_device_makes_nothing_grow(seed: int, tmp_path: Path) -> None:
+    """From its log to its compiled guard; the true device in a room that stands askew."""
+    chance = np.random.default_rng(seed)
+    axes = 2 + seed % 2
+    mass = tangled(chance, axes, 10.0, float(chance.uniform(0.3, 3.0)))
+    damping = tangled(chance, axes, 30.0, float(chance.uniform(0.5, 3.0)))
+    seen = motion(mass, damping, np.full(axes, 0.3), seed=seed, rows=8000)
+    names = ["x", "y", "z"][:axes]
+    device = identify(seen.log(), hardware=hardware(axes=names)).device
+    # A fifth more than what the heaviest, stickiest direction has of its own.
+    sizes = {"MASS": 0.2 * np.linalg.eigvalsh(mass)[-1], "DAMPING": np.linalg.eigvalsh(damping)[-1]}
+    text = SCENE
+    for word, size in sizes.items():
+        text = text.replace(word, f"{size:.3g}")
+    made = optimise(device, ident.parse_document(Scene, ident.load_mapping("scene", text), "scene"))
+    rig = RigOfAxes(
+        mass=mass[None],
+        damping=damping[None],
+        sample_time=STEP,
+        delay=STEP,
+        encoder_resolution=6e-6,
+    )
+    turned = np.linalg.qr(chance.standard_normal((axes, axes)))[0]
+    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
+    for play in range(4):
+        nothing_grows(guard, made, rig, np.concatenate((turned, -turned)), play)
+
+
+def nothing_grows(
+    guard: GuardOfAxes, profile: SafeProfile, rig: RigOfAxes, normals: FloatArray, seed: int
+) -> None:
     bits = {name: 1 << place for place, name in enumerate(profile.elements)}
-    #: Directions along which a guard stands: of axes with a fluid, of walls with a face below.
-    axes = np.eye(2)
-    walls = np.array([[0.6, 0.8], [-0.6, -0.8], [-0.8, 0.6], [0.8, -0.6]])
-    guards = [built(files, _folder(room / f"guard{k}")) for k in range(len(axes) + len(walls))]
     limit = profile.device.force_limit
     assert limit is not None
-    for seed in range(4):
-        chance = np.random.default_rng(seed)
-        for guard in guards:
-            guard.start()
-        for guard in guards[:2]:
-            assert guard.call(enter(bits["water"])).status == "OK"
-        for guard in guards[2:]:
-            assert guard.call(enter(bits["wall"], -0.02, 1)).status == "OK"
-        wet = np.array([True, True])
+    chance = np.random.default_rng(seed)
+    guard.start()
+    met = {name for names in profile.combinations() if "wall" in names for name in names}
+    fluids = [name for name in ("water", "cup") if name in met]
+    assert fluids
+    assert guard.enter(sum(bits[name] for name in fluids)) == "OK"
+    for face, normal in enumerate(normals):
+        assert guard.place(face, bits["wall"], normal.tolist(), -0.02) == "OK"
+    wet, whole, fluid = True, True, fluids[seed % len(fluids)]
 
-        def law(k: int, seen: FloatArray) -> FloatArray:
-            wet[chance.random(2) < 0.01] ^= True  # noqa: B023 - called within this turn only
-            total = np.zeros(2)
-            for place, (guard, along) in enumerate(zip(guards, (*axes, *walls), strict=True)):
-                name = "wall" if place >= 2 else "water"
-                there = place >= 2 or wet[place]  # noqa: B023
-                call = push(bits[name] if there else 0, k, float(along @ seen[0]))
-                reply = guard.call(call)
-                assert reply.status == "OK"
-                assert abs(reply.force) <= limit.peak
-                total += reply.force * along
-            return total[None]
+    def law(k: int, seen: FloatArray) -> FloatArray:
+        nonlocal wet, whole
+        wet ^= chance.random() < 0.01
+        whole ^= chance.random() < 0.002
+        faces = 2 ** len(normals) - (1 if whole else 2)
+        reply = guard.push(bits[fluid] if wet else 0, faces, k, seen[0].tolist())
+        assert reply.status == "OK"
+        assert np.linalg.norm(reply.force) <= (1 + 1e-12) * limit.peak
+        inside = normals @ seen[0] < -0.02
+        if not wet and not inside.any() and k > 2000:
+            assert np.all(normals @ reply.force >= -1e-9) or fluid == "cup"
+        return reply.force[None]
 
-        way = chance.normal(size=2)
-        pushed = np.zeros((1, 3000, 2))
-        pushed[0, :70] = 12.0 * way / np.linalg.norm(way)
-        played = rig.run(pushed, law=law)
-        energy = 0.5 * np.einsum("ka,ab,kb->k", played.speed[0], rig.mass[0], played.speed[0])
-        assert np.max(np.abs(played.truth[0])) < 0.04
-        assert energy[75] > 0.01
-        assert np.max(energy[75:]) <= 1.001 * energy[75]
-        assert energy[-1] < 0.01 * energy[75]
+    way = chance.normal(size=normals.shape[1])
+    pushed = np.zeros((1, 3000, len(way)))
+    pushed[0, :70] = 12.0 * way / np.linalg.norm(way)
+    played = rig.run(pushed, law=law)
+    energy = 0.5 * np.einsum("ka,ab,kb->k", played.speed[0], rig.mass[0], played.speed[0])
+    assert energy[75] > 0.01
+    assert np.max(energy[75:]) <= 1.001 * energy[75]
+    assert energy[-1] < 0.1 * energy[75]
 
 
 def _folder(path: Path) -> Path:

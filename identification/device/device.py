@@ -291,6 +291,8 @@ class Device(Document):
                 f"{friction.forward.value:g} and {friction.backward.value:g}"
             )
         limit, offset = self.force_limit, abs(self.force_offset.value)
+        if self.gravity is not None:  # of which the offset is the rest, at no angle alone
+            offset -= float(np.hypot(self.gravity.sine.value, self.gravity.cosine.value))
         if limit is not None and limit.source != "log" and offset > limit.peak:
             raise ValueError(
                 f"force_offset is {self.force_offset.value:g}, beyond the peak {limit.peak:g} of "

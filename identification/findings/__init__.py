@@ -456,7 +456,7 @@ def _doubted_delay(
             needed=f"a delay below {most * 1e3:.4g} ms",
             remedy=remedy,
         )
-    elif stated is not None and contradicts_delay(delay, stated, step):
+    elif stated is not None:  # a delay is read although one is stated: the log contradicts that
         yield Finding(
             code="delay-contradicted",
             severity="warning",

@@ -56,7 +56,13 @@ def _c_files(profile: SafeProfile) -> dict[str, str]:
             "Split the scene",
         )
     values = _guard_values(profile)
-    return {f"haptune_{name}": _filled(name, values) for name in ("guard.h", "guard.c")}
+    several = profile.device.axes is not None
+    return {
+        f"haptune_guard.{end}": _filled(
+            f"guard.{end}", values | {"of_axes": _filled(f"axes.{end}", values) if several else ""}
+        )
+        for end in ("h", "c")
+    }
 
 
 def _chai3d_files(profile: SafeProfile) -> dict[str, str]:
@@ -168,6 +174,8 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
         "walls": f"0x{_bits(profile.walls, places):x}",
         "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
         "peak": _number(force_limit(profile).peak),
+        "axes": _plain(", ".join(profile.device.axes or ())),
+        "axis_count": str(len(profile.device.axes or ())),
     }
 
 

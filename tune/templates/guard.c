@@ -469,3 +469,4 @@ HAPTUNE_API double haptune_force(
     guard->force = force;
     return force;
 }
+${of_axes}

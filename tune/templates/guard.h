@@ -138,7 +138,7 @@ HAPTUNE_API haptune_status haptune_reset(
  */
 HAPTUNE_API double haptune_force(
     haptune_guard *guard, uint64_t elements, uint32_t period, double position, double gain);
-
+${of_axes}
 #ifdef __cplusplus
 }
 #endif

@@ -56,6 +56,21 @@ def changed(**loop: Any) -> SafeProfile:
     return profile.model_copy(update={"loop": profile.loop.model_copy(update=loop)})
 
 
+def walled(**loop: Any) -> SafeProfile:
+    """The tuned profile with two walls that push only, one of them never met with the cup."""
+    profile = changed(**loop)
+    wall = profile.elements["wall"].model_copy(update={"one_sided": True})
+    other = wall.model_copy(update={"damping": 20.0, "force_level": 10.0})
+    elements = {**profile.elements, "wall": wall, "other": other}
+    return profile.model_copy(update={"elements": elements, "apart": (("other", "cup"),)})
+
+
+def on_two_axes() -> SafeProfile:
+    """That profile of a device of two axes, as an export sees it."""
+    made = walled()
+    return made.model_copy(update={"device": made.device.model_copy(update={"axes": ("x", "y")})})
+
+
 def renamed(*names: str) -> SafeProfile:
     """The tuned profile with its elements renamed."""
     profile = tuned()

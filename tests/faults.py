@@ -576,7 +576,7 @@ FAULTS: tuple[Fault, ...] = (
         ("messages that come late", "        if self.overdue(stamp):", "        if False:"),
         ("a clock that jumps", "or self.law.status is Status.LATE:  #", "or False:  #"),
         ("clocks that run apart", "_DRIFT * self.step, took)", "0.0, took)"),
-        ("a message of another joint", "if self.joint not in names:", "if not names:"),
+        ("a message of another joint", "        if lacking:", "        if not names:"),
         ("a reading of no use", "if not self.law.waiting:", "if True:"),
         ("a law of another profile", 'if PROFILE != "${digest}":', "if False:"),
     ),
@@ -593,6 +593,26 @@ FAULTS: tuple[Fault, ...] = (
         ("all files or none", "_take_back(target, replaced.get(moved))", "pass"),
     ),
     # Several axes.
+    *_of(
+        "tune/templates/axes.c",
+        "tests/test_several_axes.py -k 'guard or face or faces or cut or fades or line'",
+        ("the length of a spring's force", "if (!(length > most)) {", "if (length == length) {"),
+        ("the peak of all axes", "    shortened(sum, peak_force);", ""),
+        ("faces at right angles", "return HAPTUNE_NOT_SQUARE;", "continue;"),
+        (
+            "one law at right angles",
+            "(turned > 0.5) == (here->element == there->element)",
+            "turned > 0.5 && here->element == there->element",
+        ),
+        ("a face that pushes and moves", "if (here->contact.force != 0.0) {", "if (0) {"),
+        ("fades of all axes while a face pushes", "pushing |= face->contact.force != 0.0;", ""),
+        ("a glitch of one axis", "&& !plausible(&axes[axis], steps, position[axis])", "&& 0"),
+        (
+            "a wall that is apart from a fluid",
+            "        if (!certified(ahead)) {",
+            "        if (0) {",
+        ),
+    ),
     *_of(
         "identification/device/device.py",
         "tests/test_several_axes.py",

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from identification import InvalidInputError, UnstatedError, to_mapping, to_yaml
 from tests.commands import digest_of, files, haptune
-from tests.exported import FADE, LOOPS, changed, poles, renamed, tuned
+from tests.exported import FADE, LOOPS, changed, on_two_axes, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
 from tune import export
 from tune.exporters import TARGETS, Target
@@ -125,6 +125,7 @@ struct cHapticDeviceInfo {
 struct cVector3d {
     double x, y, z;
     double dot(const cVector3d& o) const { return x * o.x + y * o.y + z * o.z; }
+    cVector3d operator+(const cVector3d& o) const { return cVector3d{x + o.x, y + o.y, z + o.z}; }
     cVector3d operator*(double s) const { return cVector3d{x * s, y * s, z * s}; }
 };
 struct cMaterial {
@@ -186,6 +187,42 @@ def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -
     assert force == pytest.approx([0, -0.07, 0, 0])
     assert "NOT certified" in texts["haptune_chai3d.hpp"]
     assert {**export(tuned(), "c")}.items() <= texts.items()
+
+
+AXES_MAIN = """\
+#include "haptune_chai3d.hpp"
+#include <cstdio>
+int main()
+{
+    const chai3d::cVector3d axes[2] = {{0.0, 0.6, 0.8}, {1.0, 0.0, 0.0}};
+    haptune::Device device(axes);
+    device.enter(HAPTUNE_ELEMENT_RUBBER);
+    device.force(HAPTUNE_ELEMENT_RUBBER, 0, 0, chai3d::cVector3d{0.0, 0.0, 0.0});
+    chai3d::cVector3d force = device.force(
+        HAPTUNE_ELEMENT_RUBBER, 0, 1, chai3d::cVector3d{1e-4, 6e-5, 8e-5});
+    std::printf("%g %g %g %d\\n", force.x, force.y, force.z, (int)device.status());
+    int placed = device.place(0, HAPTUNE_ELEMENT_WALL, chai3d::cVector3d{0.0, 0.6, 0.8}, 0.0);
+    force = device.force(0, 1, 2, chai3d::cVector3d{0.0, -6e-5, -8e-5});
+    force = device.force(0, 1, 3, chai3d::cVector3d{0.0, -12e-5, -16e-5});
+    bool along = force.y > 0 && force.y * 0.8 == force.z * 0.6;
+    std::printf("%d %d %d\\n", placed, force.x == 0.0, along);
+}
+"""
+
+
+def test_chai3d_plays_several_axes_as_vectors(tmp_path: Path) -> None:
+    write({**export(on_two_axes(), "chai3d"), "chai3d.h": STUB, "main.cpp": AXES_MAIN}, tmp_path)
+    assert compiles(tmp_path) == ""
+    cxx = compiler("c++", "g++", "clang++")
+    subprocess.run(
+        [cxx, "-std=c++11", "-Wall", "-Wextra", "-Werror", "main.cpp", "haptune_guard.o"],
+        cwd=tmp_path,
+        check=True,
+    )
+    told = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, check=True).stdout
+    rubber, wall = (line.split() for line in told.splitlines())
+    assert [float(each) for each in rubber] == pytest.approx([-0.07, -0.042, -0.056, 0])
+    assert wall == ["0", "1", "1"]
 
 
 @pytest.mark.parametrize("target", TARGETS)

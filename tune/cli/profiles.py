@@ -436,8 +436,8 @@ def export_command(
     if checked.device.axes is not None:
         axes = ", ".join(checked.device.axes)
         session.say(
-            f"one state of the guard for each of {axes}, and for each wall of another normal n: it "
-            "takes n·q and gives the force along n"
+            f"{axes} together: haptune_axes_force takes the position and gives the force as "
+            "vectors, walls as faces of any normal; in ROS 2 haptune_node_of_axes does"
         )
     others = [
         path

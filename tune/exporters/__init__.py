@@ -56,13 +56,22 @@ def _c_files(profile: SafeProfile) -> dict[str, str]:
             "Split the scene",
         )
     values = _guard_values(profile)
-    several = profile.device.axes is not None
     return {
         f"haptune_guard.{end}": _filled(
-            f"guard.{end}", values | {"of_axes": _filled(f"axes.{end}", values) if several else ""}
+            f"guard.{end}", values | {"of_axes": _for_axes(f"axes.{end}", profile, values)}
         )
         for end in ("h", "c")
     }
+
+
+def _for_axes(name: str, profile: SafeProfile, values: Mapping[str, str]) -> str:
+    """A template of what only devices of several axes have; "" for one axis."""
+    return "" if profile.device.axes is None else _filled(name, values)
+
+
+def _axes(profile: SafeProfile) -> dict[str, str]:
+    names = profile.device.axes or ()
+    return {"axes": _plain(", ".join(names)), "axis_count": str(len(names))}
 
 
 def _chai3d_files(profile: SafeProfile) -> dict[str, str]:
@@ -92,8 +101,10 @@ def _chai3d_files(profile: SafeProfile) -> dict[str, str]:
         "peak": _number(limit.peak),
         "springs": "".join(springs),
         "what": "Torque (N*m)" if rotary else "Force (N)",
+        **_axes(profile),
     }
-    return {"haptune_chai3d.hpp": _filled("chai3d.hpp", values), **_c_files(profile)}
+    header = _filled("chai3d.hpp", values | {"of_axes": _for_axes("axes.hpp", profile, values)})
+    return {"haptune_chai3d.hpp": header, **_c_files(profile)}
 
 
 def _largest(profile: SafeProfile, effect: EffectName) -> float:
@@ -174,8 +185,7 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
         "walls": f"0x{_bits(profile.walls, places):x}",
         "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
         "peak": _number(force_limit(profile).peak),
-        "axes": _plain(", ".join(profile.device.axes or ())),
-        "axis_count": str(len(profile.device.axes or ())),
+        **_axes(profile),
     }
 
 
@@ -374,6 +384,7 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
         "digest": digest(profile),
         "device": device.name[:_LONGEST_TEXT],
         "axis": device.axis[:_LONGEST_TEXT],
+        **({} if device.axes is None else {"axes": list(device.axes)}),
         "motion": device.motion,
         "sample_time": profile.loop.sample_time,
         "delay_samples": float(profile.loop.extra_delay_samples),
@@ -407,17 +418,26 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     comment = hash_comment(heading(profile))
     templates = files("tune") / "templates"
     files_of = {"haptune_params.yaml": hash_comment(head) + body + "\n"}
-    for name in ("law.py", "node.py"):
-        text = (templates / name).read_text(encoding="utf-8")
+    sources = {"law": "law.py", "node": "node.py"}
+    more = {} if device.axes is None else {"axes": "axes.py", "node_of_axes": "node_of_axes.py"}
+    for name, source in (sources | more).items():
+        text = (templates / source).read_text(encoding="utf-8")
         text = text.replace("${digest}", digest(profile))
-        files_of[f"haptune_{name}"] = (
+        files_of[f"haptune_{name}.py"] = (
             f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"
         )
     plain = "\n".join(heading(profile)).replace("--", "- -").replace("--", "- -")
     plain = plain.replace("&", "&amp;").replace("<", "&lt;")
     return files_of | {
         "package.xml": _filled("package.xml", {"heading": plain}),
-        "setup.cfg": _filled("setup.cfg", {"heading": comment.rstrip("\n")}),
+        "setup.cfg": _filled(
+            "setup.cfg",
+            {
+                "heading": comment.rstrip("\n"),
+                "modules": "".join(f"    haptune_{name}\n" for name in more),
+                "programs": "    haptune_node_of_axes = haptune_node_of_axes:run\n" * bool(more),
+            },
+        ),
         "setup.py": f"{comment}\nfrom setuptools import setup\n\nsetup()\n",
         "haptune_controller": comment,  # what the index of ROS 2 finds the package by
     }

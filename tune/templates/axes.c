@@ -312,7 +312,7 @@ HAPTUNE_API haptune_status haptune_axes_force(haptune_axes *device, uint64_t ele
     if (!usable(gain) || gain < 0.0 || gain > 1.0) {
         return none(device, HAPTUNE_BAD_GAIN);
     }
-    device->status = elements & walls ? HAPTUNE_NOT_TOGETHER : fitting(device, elements, faces);
+    device->status = fitting(device, elements, faces);
     if (device->status != HAPTUNE_OK) {
         return none(device, device->status);
     }

@@ -101,7 +101,7 @@ private:
     chai3d::cVector3d m_direction;
     haptune_guard m_guard;
 };
-
+${of_axes}
 } // namespace profile_${word}
 } // namespace haptune
 

@@ -16,6 +16,7 @@ node is gone. A loop that must not miss a period plays the C guard.
 from __future__ import annotations
 
 import signal
+from typing import Any
 
 import rclpy
 from haptune_law import PROFILE, Law, Status
@@ -44,13 +45,12 @@ class HaptuneNode(Node):
                 "no parameters came: give --ros-args --params-file haptune_params.yaml, "
                 "in which the node has the name it runs under"
             )
-        self.law = Law(found)
-        self.joint = found.get("joint", found["axis"])
+        self.law, self.joints = self.made_of(found)
         self.step = self.law.sample_time * _NANOSECONDS
         self.first: int | None = None
         self.quickest: float | None = None
         self.ignored = 0
-        self.inside: dict[str, tuple[float, int]] = {}
+        self.inside: dict[str, Any] = {}
         self.commands = self.create_publisher(
             Float64MultiArray, found.get("command_topic", "commands"), 1
         )
@@ -59,6 +59,10 @@ class HaptuneNode(Node):
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         covered = (self.law.extra_delay + 1) * self.law.sample_time
         self.silence = self.create_timer(covered, self.stop, clock=self.steady)
+
+    def made_of(self, found: dict[str, Any]) -> tuple[Any, list[str]]:
+        """The law of these parameters, and the joints that it reads and drives."""
+        return Law(found), [found.get("joint", found["axis"])]
 
     def touched(self, position: float) -> dict[str, tuple[float, int]]:
         """Fill in: each element touched there, and walls always, with (rest, side).
@@ -73,34 +77,42 @@ class HaptuneNode(Node):
     def read(self, message: JointState) -> None:
         """One reading: the force of what is touched goes out, zero after anything not certified."""
         names = list(message.name)[: len(message.position)]
-        if self.joint not in names:
+        lacking = [joint for joint in self.joints if joint not in names]
+        if lacking:
             self.ignored += 1
-            text = f"{self.ignored} messages ignored that have no position of {self.joint}, but of "
+            text = f"{self.ignored} messages ignored that have no position of {lacking[0]}, but of "
             text += f"{', '.join(names) or 'none'}: name the right one with the parameter joint"
             self.get_logger().warning(text, throttle_duration_sec=1.0)
             return
-        position = message.position[names.index(self.joint)]
+        places = [message.position[names.index(joint)] for joint in self.joints]
         stamp = message.header.stamp.sec * _NANOSECONDS + message.header.stamp.nanosec
         self.first = stamp if self.first is None else self.first
-        period = round((stamp - self.first) / self.step)
-        now = self.touched(position)
+        force = self.play(round((stamp - self.first) / self.step), places)
+        if not self.law.waiting:  # the reading was used
+            self.silence.reset()
+        if self.overdue(stamp):
+            force = self.ended()
+        if self.law.status in (Status.LATE, Status.NOT_ENTERED):
+            self.inside = {}
+        if self.law.status is not Status.OK:
+            text = f"{self.law.status.name}: {self.law.status.value}"
+            self.get_logger().warning(text, throttle_duration_sec=1.0)
+        self.commands.publish(Float64MultiArray(data=force))
+
+    def play(self, period: int, places: list[float]) -> list[float]:
+        """The force of what is touched; what is left, and what was ended, is entered anew."""
+        now = self.touched(*places)
         for name, place in now.items():
             new = name not in self.inside
             moved = self.law.elements[name].one_sided and self.inside.get(name) != place
             if (new or moved) and self.law.reset([name], *place) is Status.OK:
                 self.inside[name] = place
-        force = self.law.force(list(now), period, position)
-        if not self.law.waiting:  # the reading was used
-            self.silence.reset()
-        if self.overdue(stamp):
-            force = self.law.stop()
-        # What is left, and what was ended, is entered anew.
-        ended = self.law.status in (Status.LATE, Status.NOT_ENTERED)
-        self.inside = {} if ended else {k: v for k, v in self.inside.items() if k in now}
-        if self.law.status is not Status.OK:
-            text = f"{self.law.status.name}: {self.law.status.value}"
-            self.get_logger().warning(text, throttle_duration_sec=1.0)
-        self.commands.publish(Float64MultiArray(data=[force]))
+        self.inside = {name: place for name, place in self.inside.items() if name in now}
+        return [self.law.force(list(now), period, *places)]
+
+    def ended(self) -> list[float]:
+        """No force, and every contact ended."""
+        return [self.law.stop()]
 
     def overdue(self, stamp: int) -> bool:
         """Whether a message took more periods longer than the quickest than are certified."""
@@ -113,21 +125,21 @@ class HaptuneNode(Node):
     def stop(self) -> None:
         """Nothing came for longer than is certified: no force until something is entered anew."""
         self.inside = {}
-        self.commands.publish(Float64MultiArray(data=[self.law.stop()]))
+        self.commands.publish(Float64MultiArray(data=self.ended()))
 
 
-def main() -> None:
+def main(kind: type[HaptuneNode] = HaptuneNode) -> None:
     """Run the node until it is told to stop; the last that goes out is 0."""
     # What ROS does about signals would let nothing out after them.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    node = HaptuneNode()
+    node = kind()
     try:
         rclpy.spin(node)
     except KeyboardInterrupt:
         pass
     finally:
-        node.commands.publish(Float64MultiArray(data=[0.0]))
+        node.commands.publish(Float64MultiArray(data=[0.0] * len(node.joints)))
         node.destroy_node()
         rclpy.try_shutdown()
 

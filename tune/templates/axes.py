@@ -1,3 +1,34 @@
+"""The certified control law on all axes of a device, as the C guard of the same profile plays it.
+
+    law = LawOfAxes(parameters)
+    law.enter(["water"])                               # before its first force
+    law.place("left", "wall", [1.0, 0.0], -0.05)       # free where normal·position is more
+    force = law.force(["water"], ["left"], period, position)
+
+Positions and forces are lists in one frame with right angles, the device's or any turned against
+it: elements are the same in every direction, and a force that is cut keeps its own. Faces that are
+given at once are parallel, or at right angles and of one wall.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from haptune_law import PROFILE, Axis, Element, Law, Status
+
+if PROFILE != "${digest}":
+    raise ImportError(f"haptune_law.py is of another profile, {PROFILE}: export both again")
+
+_WRAP = 2**32
+#: No reading, face or sum of forces is as large.
+_ENDLESS = 2.0**64
+#: Of a sum of squares to 1, and of a product of normals to 0 or 1.
+_ROUNDING = 1e-9
 
 
 @dataclass
@@ -10,22 +41,13 @@ class Face:
 
 
 class LawOfAxes:
-    """The force of a profile's elements on all axes of a device, as the C guard plays it.
-
-        law = LawOfAxes(parameters)
-        law.enter(["water"])                               # before its first force
-        law.place("left", "wall", [1.0, 0.0], -0.05)       # free where normal·position is more
-        force = law.force(["water"], ["left"], period, position)
-
-    Positions and forces are lists in one frame with right angles, the device's or any turned
-    against it. Faces that are given at once are parallel, or at right angles and of one wall.
-    ``status`` and the counts are those of a Law.
-    """
+    """The force of a profile's elements on all axes; status and counts are those of a Law."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         """Take the parameters as a Law does."""
         self.names = tuple(parameters["axes"])
         self.one = Law(parameters)
+        self.sample_time, self.extra_delay = self.one.sample_time, self.one.extra_delay
         self.axes = [copy.deepcopy(self.one.axis) for _ in self.names]
         self.faces: dict[str, Face] = {}
         self.stop()
@@ -112,7 +134,7 @@ class LawOfAxes:
         self._act(wanted, planes, gain, steps)
         parts = [*self.forces.values()]
         parts += [[each.wall.force * part for part in each.normal] for each in self.faces.values()]
-        total = [math.fsum(sums) for sums in zip(*parts)]
+        total = [math.fsum(sums) for sums in zip(*parts, strict=True)]
         if not all(map(_usable, total)):
             return self._none(Status.NOT_FINITE)
         played = [*self.one.elements.values(), *(each.wall for each in self.faces.values())]
@@ -155,7 +177,7 @@ class LawOfAxes:
         u = [
             (each.stiffness * (axis.last - rest) + each.damping * axis.velocity.now)
             + each.mass * axis.acceleration.now
-            for axis, rest in zip(self.axes, self.rests[name])
+            for axis, rest in zip(self.axes, self.rests[name], strict=True)
         ]
         u, length = _shortened(u, each.force_level if each.spring else math.inf)
         each.quiet = min(each.quiet + 1, self.one.taps) if length == 0.0 else 0
@@ -177,7 +199,7 @@ class LawOfAxes:
         elif started and steps == 0:
             fault = Status.STALE
         elif started and not gap:
-            pairs = zip(axes, position)
+            pairs = zip(axes, position, strict=True)
             if not all(axis.plausible(steps, place) for axis, place in pairs):
                 fault = Status.GLITCH
                 self.glitches += 1
@@ -185,7 +207,7 @@ class LawOfAxes:
             self.waiting += 1
             late = self.waiting > self.one.extra_delay or steps > self.one.extra_delay
             return Status.LATE if started and late else fault
-        for axis, place in zip(axes, position):
+        for axis, place in zip(axes, position, strict=True):
             if started and not gap:
                 axis.bridge(steps, place)
             else:
@@ -196,8 +218,6 @@ class LawOfAxes:
         return Status.LATE if gap else Status.OK
 
     def _fault(self, wanted: set[str], planes: set[str], gain: float) -> Status:
-        if wanted & self.one.walls:
-            return Status.NOT_TOGETHER
         entered = all(each.entered for name, each in self.one.elements.items() if name in wanted)
         if not entered or not planes <= self.faces.keys():
             return Status.NOT_ENTERED
@@ -207,7 +227,7 @@ class LawOfAxes:
         """Whether faces and elements may act at once."""
         if not self.one.certified(elements):
             return Status.NOT_TOGETHER
-        chosen = [self.faces[name] for name in planes]
+        chosen = [self.faces[name] for name in sorted(planes)]
         for here in chosen:
             ahead = {*elements, here.name}
             for there in chosen:
@@ -252,7 +272,7 @@ class _Along:
 
 
 def _product(one: Sequence[float], other: Sequence[float]) -> float:
-    return math.fsum(a * b for a, b in zip(one, other))
+    return math.fsum(a * b for a, b in zip(one, other, strict=True))
 
 
 def _shortened(vector: Sequence[float], most: float) -> tuple[list[float], float]:
@@ -261,3 +281,7 @@ def _shortened(vector: Sequence[float], most: float) -> tuple[list[float], float
     if not length > most:
         return list(vector), length
     return [part * (most / length) for part in vector], most
+
+
+def _usable(number: float) -> bool:
+    return abs(number) < _ENDLESS

@@ -595,7 +595,7 @@ FAULTS: tuple[Fault, ...] = (
     # Several axes.
     *_of(
         "tune/templates/axes.c",
-        "tests/test_several_axes.py -k 'guard or face or faces or cut or fades or line'",
+        "tests/test_several_axes.py -k 'guard or face or faces or cut or fades or line or laws'",
         ("the length of a spring's force", "if (!(length > most)) {", "if (length == length) {"),
         ("the peak of all axes", "    shortened(sum, peak_force);", ""),
         ("faces at right angles", "return HAPTUNE_NOT_SQUARE;", "continue;"),

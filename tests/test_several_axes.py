@@ -22,6 +22,7 @@ from datasets_synthetic import RigOfAxes, bundled_path
 from datasets_synthetic.scenarios import planar_texts
 from identification import Device, Hardware, InvalidInputError, LogRefusedError, identify
 from tests.commands import haptune
+from tests.exported import on_two_axes
 from tests.guard import STATUS, GuardOfAxes, built, enter, parameters_of, push, write
 from tests.planar import (
     DAMPING,
@@ -405,6 +406,32 @@ def test_a_force_that_is_cut_keeps_its_direction(
     reply = guard.push(bits["rubber"], 0, 2000, pulled.tolist())
     assert reply.clamped
     assert reply.force == pytest.approx(-rubber.force_level * np.array([0.8, 0.6]), rel=1e-9)
+
+
+def test_in_a_corner_of_rubber_the_sum_is_cut_at_the_peak(
+    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    limit = profile.device.force_limit
+    assert limit is not None
+    guard.start()
+    guard.enter(bits["rubber"])
+    for face, normal in enumerate(((0.6, 0.8), (0.8, -0.6))):
+        assert guard.place(face, bits["wall"], normal, 0.0) == "OK"
+    into = np.array([-1.4, -0.2]) / 2**0.5
+    replies = [guard.push(bits["rubber"], 3, k, (1e-5 * k * into).tolist()) for k in range(3000)]
+    reply = replies[-1]
+    assert reply.clamped
+    assert reply.force == pytest.approx(-limit.peak * into, rel=1e-9)
+
+
+def test_two_laws_at_right_angles_are_not_certified(tmp_path: Path) -> None:
+    guard = GuardOfAxes(export(on_two_axes(), "c"), _folder(tmp_path / "guard"), 2)
+    wall, other = 1, 8
+    for elements, state in (((wall, wall), "OK"), ((wall, other), "NOT_TOGETHER")):
+        guard.start()
+        assert guard.place(0, elements[0], (1.0, 0.0), -0.01) == "OK"
+        assert guard.place(1, elements[1], (0.0, 1.0), -0.01) == "OK"
+        assert guard.push(0, 3, 0, (0.0, 0.0)).status == state
 
 
 def test_faces_that_are_not_certified_together_give_no_force(

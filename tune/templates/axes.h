@@ -7,6 +7,11 @@
  * A face is a plane at which an element pushes one way, with a normal of its own; one element may
  * have many. Faces that are given at once are parallel, or at right angles and of one element: what
  * is certified. Corners that stick out are faces given in turn; each moves while it gives no force.
+ *
+ *   haptune_axes_init(&device);
+ *   haptune_axes_enter(&device, FLUID);                      once for each element that is no wall
+ *   haptune_axes_place(&device, 0, WALL, normal, offset);    a face, in place 0
+ *   haptune_axes_force(&device, wet ? FLUID : 0, 1u << 0, period, position, 1.0, force);
  */
 #define HAPTUNE_AXES ${axis_count}
 #define HAPTUNE_FACES 16 /* that one state holds; sets of them are joined by |, 1 << place */

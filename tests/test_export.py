@@ -6,6 +6,7 @@ import functools
 import json
 import re
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -166,18 +167,23 @@ int main()
 """
 
 
-def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -> None:
-    texts = export(tuned(), "chai3d")
-    write({**texts, "chai3d.h": STUB, "main.cpp": STUB_MAIN}, tmp_path)
-    assert compiles(tmp_path) == ""
+def played(texts: Mapping[str, str], program: str, folder: Path) -> list[list[str]]:
+    """The words of each line that a program around exported files prints."""
+    write({**texts, "chai3d.h": STUB, "main.cpp": program}, folder)
+    assert compiles(folder) == ""
     cxx = compiler("c++", "g++", "clang++")
     subprocess.run(
         [cxx, "-std=c++11", "-Wall", "-Wextra", "-Werror", "main.cpp", "haptune_guard.o"],
-        cwd=tmp_path,
+        cwd=folder,
         check=True,
     )
-    told = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, check=True).stdout
-    lines = ([float(x) for x in line.split()] for line in told.splitlines())
+    told = subprocess.run([folder / "a.out"], capture_output=True, text=True, check=True).stdout
+    return [line.split() for line in told.splitlines()]
+
+
+def test_chai3d_plays_springs_itself_and_the_rest_by_the_guard(tmp_path: Path) -> None:
+    texts = export(tuned(), "chai3d")
+    lines = ([float(x) for x in line] for line in played(texts, STUB_MAIN, tmp_path))
     wall, cup, rubber, force, limp, limits = lines
     assert wall == [0, 0, 0, 0]
     assert cup == [0, 0, 0, 0]
@@ -211,16 +217,7 @@ int main()
 
 
 def test_chai3d_plays_several_axes_as_vectors(tmp_path: Path) -> None:
-    write({**export(on_two_axes(), "chai3d"), "chai3d.h": STUB, "main.cpp": AXES_MAIN}, tmp_path)
-    assert compiles(tmp_path) == ""
-    cxx = compiler("c++", "g++", "clang++")
-    subprocess.run(
-        [cxx, "-std=c++11", "-Wall", "-Wextra", "-Werror", "main.cpp", "haptune_guard.o"],
-        cwd=tmp_path,
-        check=True,
-    )
-    told = subprocess.run([tmp_path / "a.out"], capture_output=True, text=True, check=True).stdout
-    rubber, wall = (line.split() for line in told.splitlines())
+    rubber, wall = played(export(on_two_axes(), "chai3d"), AXES_MAIN, tmp_path)
     assert [float(each) for each in rubber] == pytest.approx([-0.07, -0.042, -0.056, 0])
     assert wall == ["0", "1", "1"]
 

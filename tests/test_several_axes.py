@@ -7,6 +7,7 @@ of the loop of all axes at once in a state space of this file's own.
 from __future__ import annotations
 
 import importlib
+import json
 import shutil
 import sys
 from collections.abc import Iterator
@@ -277,6 +278,8 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
     ended = haptune("export", "profile.yaml", "--to", "c", "-o", "guard")
     assert ended.code == 0, ended.err
     assert "x, y together: haptune_axes_force" in ended.out
+    law = json.loads(export(profile, "json")["haptune_profile.json"])["law"]
+    assert "vectors of all axes" in law
     ended = haptune("doctor", "log.csv", *COLUMNS, "--hardware", "hardware.yaml")
     assert ended.code == 0, ended.err
     ended = haptune("report", "profile.yaml", "log.csv", *COLUMNS, "-o", "report.html", "--quiet")

@@ -20,7 +20,6 @@ from tune.documents.estimators import Derivative, Estimator, filter_of
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
 from tune.documents.scene import EffectName
 from tune.exporters.law import (
-    LAW_IN_WORDS,
     NOT_A_SAFETY_FUNCTION,
     block_comment,
     change_words,
@@ -33,6 +32,7 @@ from tune.exporters.law import (
     identifiers,
     inside_comment,
     largest_change,
+    law_in_words,
     quote_yaml,
     short,
     unit_of_force,
@@ -364,7 +364,7 @@ def _plain_files(profile: SafeProfile) -> dict[str, str]:
         "taps": seal.longest_tap,
         "largest_change": largest_change(profile),
         "findings": findings_of(profile),
-        "law": LAW_IN_WORDS,
+        "law": law_in_words(profile),
         "assumes": list(seal.assumes),
         "not_assessed": list(seal.not_assessed),
     }
@@ -411,8 +411,8 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     head = (
         *heading(profile),
         "",
-        f"SI units. {LAW_IN_WORDS}. Moments are each element alone, any part of a group of "
-        "'together', and each of these beside what is one_sided, but for the pairs of 'apart'.",
+        f"SI units. {law_in_words(profile)}. Moments are each element alone, any part of a group "
+        "of 'together', and each of these beside what is one_sided, but for the pairs of 'apart'.",
     )
     body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
     comment = hash_comment(heading(profile))

@@ -36,6 +36,16 @@ LAW_IN_WORDS = (
     "periods passed from the straight line through the last two, like one that is missing, holds "
     "the force and is bridged by a straight line"
 )
+_OF_AXES = (
+    "; y, v, a, u and F are vectors of all axes in one frame with right angles, whose length is "
+    "clamped and cut; what is one_sided acts along the normal n of each of its faces, on n*y, n*v "
+    "and n*a, faces at once being parallel, or at right angles and of one element"
+)
+
+
+def law_in_words(profile: SafeProfile) -> str:
+    """The law of a profile, of one axis or several."""
+    return LAW_IN_WORDS + (_OF_AXES if profile.device.axes is not None else "")
 
 
 def fade_step(element: ElementProfile, sample_time: float) -> float:

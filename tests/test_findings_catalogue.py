@@ -16,7 +16,7 @@ from tests.thinned import thinned
 #: What a fault is also like, and may be named: a wide gap swings like a spring, lag is late.
 ALIKE = {
     ("backlash", "severe"): "vibration-mode",
-    ("drive-lag", "plain"): "delay-unknown",
+    ("drive-lag", "plain"): "delay-contradicted",
     ("controller-identified", "severe"): "gravity",  # which a law on the position is
 }
 

@@ -24,7 +24,7 @@ from datasets_synthetic.scenarios import planar_texts
 from identification import Device, Hardware, InvalidInputError, LogRefusedError, identify
 from tests.commands import haptune
 from tests.exported import on_two_axes
-from tests.guard import STATUS, GuardOfAxes, built, enter, parameters_of, push, write
+from tests.guard import STATUS, Guard, GuardOfAxes, built, enter, parameters_of, push, write
 from tests.planar import (
     DAMPING,
     FRICTION,
@@ -360,12 +360,16 @@ def guard(room: Path, profile: SafeProfile) -> GuardOfAxes:
     return GuardOfAxes(export(profile, "c"), _folder(room / "axes"), 2)
 
 
+@pytest.fixture(scope="module")
+def single(room: Path, profile: SafeProfile) -> Guard:
+    return built(export(profile, "c"), _folder(room / "single"))
+
+
 @pytest.mark.parametrize("name", ["water", "cup", "rubber", "wall"])
 def test_along_any_line_the_guard_of_axes_plays_what_that_of_one_plays(
-    room: Path, profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes, name: str
+    single: Guard, bits: dict[str, int], guard: GuardOfAxes, name: str
 ) -> None:
     """A wavering motion along a line, periods missed, a gain that moves, more than springs hold."""
-    single = built(export(profile, "c"), _folder(room / f"single-{name}"))
     chance = np.random.default_rng(3)
     line = np.array([0.6, -0.8])
     single.start()

@@ -418,10 +418,9 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     comment = hash_comment(heading(profile))
     templates = files("tune") / "templates"
     files_of = {"haptune_params.yaml": hash_comment(head) + body + "\n"}
-    sources = {"law": "law.py", "node": "node.py"}
-    more = {} if device.axes is None else {"axes": "axes.py", "node_of_axes": "node_of_axes.py"}
-    for name, source in (sources | more).items():
-        text = (templates / source).read_text(encoding="utf-8")
+    more = () if device.axes is None else ("axes", "node_of_axes")
+    for name in ("law", "node", *more):
+        text = (templates / f"{name}.py").read_text(encoding="utf-8")
         text = text.replace("${digest}", digest(profile))
         files_of[f"haptune_{name}.py"] = (
             f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"

@@ -19,14 +19,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from haptune_law import PROFILE, Axis, Element, Law, Status
+from haptune_law import _WRAP, PROFILE, Axis, Element, Law, Status, _usable
 
 if PROFILE != "${digest}":
     raise ImportError(f"haptune_law.py is of another profile, {PROFILE}: export both again")
 
-_WRAP = 2**32
-#: No reading, face or sum of forces is as large.
-_ENDLESS = 2.0**64
 #: Of a sum of squares to 1, and of a product of normals to 0 or 1.
 _ROUNDING = 1e-9
 
@@ -138,10 +135,8 @@ class LawOfAxes:
         if not all(map(_usable, total)):
             return self._none(Status.NOT_FINITE)
         played = [*self.one.elements.values(), *(each.wall for each in self.faces.values())]
-        self.clamped = math.sqrt(_product(total, total)) > self.one.peak or any(
-            each.spring and each.force != 0.0 and abs(each.force) >= each.level * each.force_level
-            for each in played
-        )
+        over = math.sqrt(_product(total, total)) > self.one.peak
+        self.clamped = over or any(each.at_limit for each in played)
         self.last_force, _ = _shortened(total, self.one.peak)
         return list(self.last_force)
 
@@ -181,12 +176,8 @@ class LawOfAxes:
         ]
         u, length = _shortened(u, each.force_level if each.spring else math.inf)
         each.quiet = min(each.quiet + 1, self.one.taps) if length == 0.0 else 0
-        if each.fade < 1.0:
-            nearer = each.level + change, each.level - change
-            each.level = min(nearer[0], asked) if each.level < asked else max(nearer[1], asked)
-        elif not each.spring or enters or asked < each.level or each.quiet >= self.one.taps:
-            each.level = asked
-        each.force, each.wanted = each.level * length, asked > 0.0
+        each.turn(may_rise=enters or each.quiet >= self.one.taps, asked=asked, change=change)
+        each.force = each.level * length
         self.forces[name] = [-(each.level * part) if each.level > 0.0 else 0.0 for part in u]
 
     def _read(self, steps: int, period: int, position: Sequence[float]) -> Status:
@@ -281,7 +272,3 @@ def _shortened(vector: Sequence[float], most: float) -> tuple[list[float], float
     if not length > most:
         return list(vector), length
     return [part * (most / length) for part in vector], most
-
-
-def _usable(number: float) -> bool:
-    return abs(number) < _ENDLESS

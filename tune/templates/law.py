@@ -111,6 +111,12 @@ class Element:
         return self.stiffness > 0.0
 
     @property
+    def at_limit(self) -> bool:
+        """Whether its spring is cut."""
+        most = self.level * self.force_level
+        return self.spring and self.force != 0.0 and abs(self.force) >= most
+
+    @property
     def lead_time(self) -> float:
         """By which its damper is before its spring, s."""
         return self.damping / self.stiffness if self.spring else 0.0
@@ -132,12 +138,16 @@ class Element:
         self.clear = min(self.clear + 1, taps) if at_face == 0.0 else 0
         if self.one_sided and self.clear >= taps:
             self.rest = self.face
+        self.turn(may_rise=enters or self.quiet >= taps, asked=asked, change=change)
+        self.force = -(self.level * u) if self.level > 0.0 else 0.0
+
+    def turn(self, *, may_rise: bool, asked: float, change: float) -> None:
+        """Level goes to what is asked, as far as it may."""
         if self.fade < 1.0:
             nearer = self.level + change, self.level - change
             self.level = min(nearer[0], asked) if self.level < asked else max(nearer[1], asked)
-        elif not self.spring or enters or asked < self.level or self.quiet >= taps:
+        elif not self.spring or may_rise or asked < self.level:
             self.level = asked
-        self.force = -(self.level * u) if self.level > 0.0 else 0.0
         self.wanted = asked > 0.0
 
     def crowds(self, face: float, side: int, other: Element) -> bool:
@@ -327,8 +337,7 @@ class Law:
         total = 0.0
         for each in self.elements.values():
             total += each.force
-            most = each.level * each.force_level
-            self.clamped |= each.spring and each.force != 0.0 and abs(each.force) >= most
+            self.clamped |= each.at_limit
         if not _usable(total):
             return self._no_force(Status.NOT_FINITE)
         self.clamped |= abs(total) > self.peak

@@ -81,7 +81,8 @@ class HaptuneNode(Node):
         if lacking:
             self.ignored += 1
             text = f"{self.ignored} messages ignored that have no position of {lacking[0]}, but of "
-            text += f"{', '.join(names) or 'none'}: name the right one with the parameter joint"
+            text += f"{', '.join(names) or 'none'}: name the right one with the parameter "
+            text += "joint" if len(self.joints) == 1 else "joints"
             self.get_logger().warning(text, throttle_duration_sec=1.0)
             return
         places = [message.position[names.index(joint)] for joint in self.joints]

@@ -81,10 +81,10 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k false_multiplier",
         (
             "taps alone where nothing holds",
-            "if bool(channel.constant) != region.grounded or not (channel.taps or region.grounded):",
-            "if not channel.taps and not region.grounded:",
+            "if bool(channel.constant) != grounded or not (channel.taps or grounded):",
+            "if not channel.taps and not grounded:",
         ),
-        ("a multiplier without taps", "or not (channel.taps or region.grounded):", "or False:"),
+        ("a multiplier without taps", "or not (channel.taps or grounded):", "or False:"),
         (
             "channels of the combination",
             "if own.keys() != sum_.clamps.keys() or names != seen:",
@@ -125,7 +125,11 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/absolute.py",
         f"{_EDGES} -k largest_sets",
-        ("a multiplier of each set", "if witness is None:", "if not witnesses:"),
+        (
+            "a multiplier of each set",
+            "if witness is None:\n        raise",
+            "if not witnesses:\n        raise",
+        ),
     ),
     *_of(
         "tune/certificate/absolute.py",
@@ -144,13 +148,38 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/certificate/absolute.py",
-        f"{_EDGES} -k 'one_signal or another_wall'",
+        "tests/test_shared_proofs.py -k 'covered_by_no_other'",
         (
-            "the outermost of some clamps",
-            "reach = (K * witness.gain, names)",
-            "reach = (-K * witness.gain, names)",
+            "multipliers of what others cover",
+            "repr((signal, there, multipliers))",
+            "repr((signal, there))",
         ),
-        ("clamps of a multiplier", "[channel.name for channel in channels] == [name]", "True"),
+        (
+            "signals of what others cover",
+            "repr((signal, there, multipliers))",
+            "repr((there, multipliers))",
+        ),
+        (
+            "what fades in sums that others cover",
+            "for setting in sum_.steady:\n        size",
+            "for setting in ():\n        size",
+        ),
+        (
+            "all parts of sums that others cover",
+            "return all(mine >= its for",
+            "return any(mine >= its for",
+        ),
+        (
+            "gains stated of sums that others cover",
+            "multipliers)), size * witness.gain",
+            "multipliers)), size",
+        ),
+    ),
+    *_of(
+        "tune/certificate/certify.py",
+        "tests/test_shared_proofs.py -k 'covers_it'",
+        ("later claims of what is covered", " or claim.extra > known.extra_delay_samples", ""),
+        ("gains claimed of what is covered", "return claim.gain > known.gain or", "return"),
     ),
     # What `certify` asks for.
     *_of(

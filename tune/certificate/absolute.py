@@ -78,7 +78,7 @@ def _prove_absolute(
 
     Raises ValueError where device or multiplier allow no such proof, or it was not found.
     """
-    channels = _channels(region, sum_, multiplier)
+    channels = _channels(sum_, multiplier, grounded=region.grounded)
     if not min([region.damping[0], *(mode.damping_ratio[0] for mode in region.modes)]) > 0:
         raise ValueError("the device or a mode may have no damping, and what moves it may pump it")
     merged = region.merged()
@@ -112,7 +112,7 @@ def _prove_absolute(
 
 
 def _channels(
-    region: Region, sum_: _Nonlinear, multiplier: Multiplier | None
+    sum_: _Nonlinear, multiplier: Multiplier | None, *, grounded: bool
 ) -> list[tuple[Setting, Channel]]:
     """Each clamp, then what is damping only, with its multiplier; clamps may share one."""
     if multiplier is None:
@@ -127,9 +127,9 @@ def _channels(
         asked = ", ".join([*sum_.clamps, *["damping"] * len(dampers)])
         raise ValueError(f"its multiplier is of {', '.join(seen) or 'nothing'}, not of {asked}")
     for name, channel in own.items():
-        if bool(channel.constant) != region.grounded or not (channel.taps or region.grounded):
-            least = "a constant above zero" if region.grounded else "taps and no constant"
-            where = "is held" if region.grounded else "nothing holds"
+        if bool(channel.constant) != grounded or not (channel.taps or grounded):
+            least = "a constant above zero" if grounded else "taps and no constant"
+            where = "is held" if grounded else "nothing holds"
             raise ValueError(f"the multiplier of {name} needs {least} where a device {where}")
     if any(channel.taps or not channel.constant for channel in switched):
         raise ValueError("the multiplier of damping that is switched is a constant above zero")
@@ -240,28 +240,54 @@ def outermost_of(
 ) -> dict[_Combination, _Combination]:
     """Of each of some combinations the one whose proof is its own too.
 
-    A lone clamp is a smaller gain of another where both follow one signal, K·(y + B/K·v + M/K·a),
-    have one multiplier, and K times the gain that is stated is no larger: the condition is of that
-    product alone, and for a smaller one its first matrix only grows.
+    The condition is of the multipliers, of the signals K·(y + B/K·v + M/K·a) that they belong to,
+    and of each size times the gain that is stated. Where all but these products are alike and none
+    is larger, the first matrix only grows, and what fades has levels of which all were looked at.
     """
-    best: dict[str, tuple[float, _Combination]] = {}
-    keys: dict[_Combination, str] = {}
-    for names in combinations:
-        witness, first = witnesses.get(" + ".join(names)), design.elements[names[0]]
-        stated = (witness.free, witness.held) if witness else ()
-        channels = [each and each.channels for each in stated]
-        if len(names) == 1 and witness and all(_is_of(names[0], each) for each in channels):
-            K = first.stiffness
-            taps = [each and (each[0].constant, each[0].taps) for each in channels]
-            keys[names] = repr((first.damping / K, first.mass / K, taps))
-            reach = (K * witness.gain, names)
-            best[keys[names]] = max(best.get(keys[names], reach), reach)
-    return {names: best[keys[names]][1] if names in keys else names for names in combinations}
+    reaches = {names: _reaches(design, names, witnesses) for names in combinations}
+    # What another covers comes after it, or is its equal.
+    order = sorted(combinations, key=lambda each: -sum(size for _, size in reaches[each]))
+    kept: dict[tuple[object, ...], list[_Combination]] = {}
+    found: dict[_Combination, _Combination] = {}
+    for names in order:
+        alike = kept.setdefault(tuple(part for part, _ in reaches[names]) or names, [])
+        others = (each for each in alike if _covers(reaches[each], reaches[names]))
+        found[names] = next(others, names)
+        if found[names] == names:
+            alike.append(names)
+    return {names: found[names] for names in combinations}
 
 
-def _is_of(name: str, channels: Sequence[Channel] | None) -> bool:
-    """Whether a multiplier, if there is one, is of a lone clamp."""
-    return channels is None or [channel.name for channel in channels] == [name]
+#: What a channel or a fading element is but for its size, and its size times the stated gain.
+_Reaches = list[tuple[str, float]]
+
+
+def _covers(reaches: _Reaches, other: _Reaches) -> bool:
+    return all(mine >= its for (_, mine), (_, its) in zip(reaches, other, strict=True))
+
+
+def _reaches(design: Design, names: _Combination, witnesses: _Witnesses) -> _Reaches:
+    """Each part of a combination, the larger first of those alike; empty where one is in doubt."""
+    witness, sum_ = witnesses.get(" + ".join(names)), _nonlinear_parts(design, names)
+    if witness is None:
+        return []
+    stated = [(False, witness.free), (True, witness.held)]
+    there = [each is not None for _, each in stated]
+    try:
+        channels = [_channels(sum_, each, grounded=held) for held, each in stated if each]
+    except ValueError:
+        return []
+    found: _Reaches = []
+    for same in zip(*channels, strict=True):
+        setting = same[0][0]
+        size = setting.stiffness or setting.damping
+        signal = [each / size for each in setting.sizes]
+        multipliers = [(channel.constant, channel.taps) for _, channel in same]
+        found.append((repr((signal, there, multipliers)), size * witness.gain))
+    for setting in sum_.steady:
+        size = max(map(abs, setting.sizes))
+        found.append((repr([each / size for each in setting.sizes]), size * witness.gain))
+    return sorted(found, key=lambda part: (part[0], -part[1]))
 
 
 def judge_switched(

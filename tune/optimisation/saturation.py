@@ -10,7 +10,7 @@ from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 from itertools import product
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -284,14 +284,69 @@ def prove_combinations(
 ) -> AllFound:
     """The proved gain of every combination that must be absolutely stable and is part of no other.
 
-    Sizes have shape (unknowns,), SI units; what is known is of others.
+    Sizes have shape (unknowns,), SI units; what is known is of others. Where no clamp, damper or
+    fading element of one is larger than its like in another, the gain and multiplier of the other
+    are its own too (docs/theory.md, 10); such come last.
     """
     known = known or {}
     combinations = {each.elements: each for each in problem.combinations if each.absolute}
-    return {
-        names: _search_gain(problem, combinations[names], sizes, known.get(names))
+    asked = {
+        names: _nonlinearities(problem, combinations[names], sizes)
         for names in largest_sets(combinations)
     }
+    parts = {names: _parts_of(*each) for names, each in asked.items()}
+    found: dict[tuple[str, ...], AbsoluteStability] = {}
+    alike: dict[tuple[object, ...], list[tuple[str, ...]]] = {}
+    same: dict[tuple[str, ...], AbsoluteStability] = {}
+    # What another covers comes after it, or is its equal.
+    for names in sorted(asked, key=lambda each: -sum(part.size for part in parts[each])):
+        searched = alike.setdefault(tuple(part.signal for part in parts[names]), [])
+        for other in searched:
+            both = [*zip(parts[other], parts[names], strict=True)]
+            if all(its.size >= mine.size for its, mine in both):
+                known_as = {mine.name: its.name for its, mine in both}
+                order = {name: known_as[name] for name in asked[names][0].names}
+                same[names] = _renamed(found[other], order)
+                break
+        else:
+            searched.append(names)
+            found[names] = _search_gain(problem, *asked[names], known.get(names))
+    return found | same
+
+
+class _Part(NamedTuple):
+    """A clamp, what is damping only, or an element that fades."""
+
+    signal: tuple[object, ...]  # what it is but for its size
+    size: float
+    name: str  # of its channel, if it has one
+
+
+def _parts_of(parts: Nonlinearities, steady: tuple[Effects, ...]) -> list[_Part]:
+    """Every part of a sum, in the order of their signals."""
+    laws = [(name, effects, 0) for name, effects in parts.clamps]
+    laws += [("damping", Effects(damping=parts.damping), 1)] * bool(parts.damping)
+    laws += [("", effects, 2) for effects in steady]
+    found: list[_Part] = []
+    for name, effects, kind in laws:
+        sizes = [float(np.asarray(each or 0.0)) for each in effects.arrays()]
+        size = sizes[0] or max(map(abs, sizes))
+        ratios = (round_to_digits(each / size, _ALIKE) for each in sizes)
+        found.append(_Part((kind, *ratios), size, name))
+    return sorted(found)
+
+
+def _renamed(found: AbsoluteStability, names: Mapping[str, str]) -> AbsoluteStability:
+    """The same with channels in the order of new names, each of which stands for an old one."""
+
+    def renamed(multiplier: Multiplier | None) -> Multiplier | None:
+        if multiplier is None:
+            return None
+        old = {channel.name: channel for channel in multiplier.channels}
+        channels = (old[was].model_copy(update={"name": name}) for name, was in names.items())
+        return Multiplier(channels=tuple(channels))
+
+    return found.model_copy(update={"free": renamed(found.free), "held": renamed(found.held)})
 
 
 def largest_sets(combinations: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
@@ -302,13 +357,12 @@ def largest_sets(combinations: Iterable[tuple[str, ...]]) -> list[tuple[str, ...
 
 def _search_gain(
     problem: Problem,
-    combination: Combination,
-    sizes: FloatArray,
-    known: AbsoluteStability | None = None,
+    parts: Nonlinearities,
+    steady: tuple[Effects, ...],
+    known: AbsoluteStability | None,
 ) -> AbsoluteStability:
-    """The gain up to which a combination is absolutely stable; known multipliers may do."""
+    """The gain up to which a sum is absolutely stable; known multipliers may do."""
     margin, box, least = problem.margin, problem.region.box, problem.proved_gain
-    parts, steady = _nonlinearities(problem, combination, sizes)
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
     gains = [margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
     multipliers: dict[bool, Multiplier | None] = {}

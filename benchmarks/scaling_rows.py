@@ -63,7 +63,8 @@ def _dampers(count: int) -> dict[str, object]:
 
 
 def _cups(count: int) -> dict[str, object]:
-    return {f"cup{k}": {"mass": 0.2 + 1.0 * k / count} for k in range(count)}
+    """Of less than 0.7 kg the device shows less than a hand can tell, without damping beside it."""
+    return {f"cup{k}": {"mass": 0.7 + 0.2 * k / count, "damping": 30.0} for k in range(count)}
 
 
 def _mix(count: int) -> dict[str, object]:

@@ -232,6 +232,28 @@ def test_boxes_with_margin_are_proved(spread: float) -> None:
     assert max(int(str(row["cells"])) for row in rows) < 3000
 
 
+def test_a_loop_that_turns_back_within_a_cell_is_split_across_its_frequency() -> None:
+    """Its slope says nothing there of what bends: 200 000 cells across the other sides did not."""
+    region = Region(
+        mass=(0.0727392, 0.0879424),
+        damping=(0.798983, 1.172944),
+        sample_time=(2e-3, 2e-3),
+        delay=(0.0, 0.0),
+    )
+    setting = Setting(
+        stiffness=415.682,
+        damping=7.77892,
+        mass=0.206991,
+        velocity_filter="tracking",
+        velocity_filter_hz=30.55,
+        velocity_filter_order=3,
+        acceleration_filter_hz=15.67,
+        acceleration_filter_order=1,
+        filter_damping_ratio=0.5,
+    )
+    assert prove(region, setting, [Claim(gain=1.5, extra=EXTRA)], 2000).proved
+
+
 def test_boxes_with_delay_hand_and_mode_are_proved() -> None:
     rows = _study(0.1, range(3, 5), 300, everything=True)
     assert _share(rows) == 1.0

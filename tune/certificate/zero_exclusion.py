@@ -265,6 +265,12 @@ def _exclusion_test(
             excluded |= np.min(rising, axis=0) > 0
         pull = np.zeros_like(cells.low)
         pull[symbols] = np.max([np.abs(form.slopes) for form in forms], axis=0)
+        # What is not straight comes from products: by the squares of their factors' slopes.
+        factors = theta, plant.numerator, plant.denominator, *(each.varied for each in found)
+        bent = np.sum([np.abs(each.slopes / each.centre) ** 2 for each in factors], axis=0)
+        bent = np.nan_to_num(bent, posinf=1e6) + np.finfo(float).tiny
+        rest = np.max([np.hypot(form.real, form.imag) for form in forms], axis=0)
+        pull[symbols] += rest * bent / bent.sum(axis=0)
         pull[1] = np.max([np.abs(each.varied.centre) for each in found], axis=0) * (high - low) / 2
         return excluded, pull
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from identification import Device, ForceLimit, as_stored, load_device, quantity
+from tests.test_guard_play import random_device
 from tune import NoFeasibleEffectError, SafeProfile, Scene, optimise
 
 
@@ -98,6 +99,45 @@ def test_free_kinds_are_worth_no_less_than_the_usual_ones(
 
     free = product(velocity_filter="free", acceleration_filter="free")
     assert free >= max(product(), known)
+
+
+@pytest.mark.parametrize(
+    ("seed", "margin", "effects", "known"),
+    [
+        # With the best filters the mass is out of reach, and no other kind was looked at.
+        (20, "firm", ("damping", "mass"), 3.09),
+        # The best kinds have an acceleration filter with one pole, and a low velocity cut-off.
+        (17, "conservative", ("damping", "mass"), 13.7),
+        # A third effect is kept with filters that are not the nearest to keeping it.
+        pytest.param(
+            45, "balanced", ("stiffness", "damping", "mass"), 12.6, marks=pytest.mark.long
+        ),
+    ],
+)
+def test_no_kinds_found_from_outside_are_a_percent_better(
+    seed: int, margin: str, effects: tuple[str, ...], known: float
+) -> None:
+    wanted = {
+        "elements": {"it": dict.fromkeys(effects, "max")},
+        "margin": margin,
+        "loop": {"velocity_filter": "free", "acceleration_filter": "free"},
+    }
+    found = optimise(random_device(seed), Scene.model_validate(wanted)).elements["it"]
+    assert math.prod(max(each, 1.0) for each in found.perceived_steps.values()) >= 0.99 * known
+
+
+@pytest.mark.long
+def test_kinds_are_chosen_where_the_usual_one_keeps_less() -> None:
+    """None of the usual kind had been tried in full, and its best was asked for all the same."""
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True}
+    wanted = {
+        "elements": {"wall": wall, "cup": {"damping": "max", "mass": "max"}},
+        "margin": "conservative",
+        "loop": {"velocity_filter": "free", "acceleration_filter": "free"},
+    }
+    elements = optimise(random_device(7), Scene.model_validate(wanted)).elements
+    assert all(each.damping > 0 for each in elements.values())
+    assert elements["cup"].mass > 0
 
 
 def test_a_wall_whose_damper_vanishes_beside_a_cut_off_is_tuned() -> None:

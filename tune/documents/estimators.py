@@ -25,7 +25,7 @@ _ENDS = "", "_hz", "_order"
 #: Kinds, with poles or states, of which one is chosen where they are free, the usual first.
 KINDS: dict[Derivative, tuple[tuple[FilterKind, int], ...]] = {
     "velocity": (("low-pass", 1), ("low-pass", 2), ("tracking", 3)),
-    "acceleration": (("low-pass", 2), ("tracking", 4)),
+    "acceleration": (("low-pass", 2), ("tracking", 4), ("low-pass", 1)),
 }
 #: Likewise damping ratios, with each of them.
 RATIOS = (1.0, 0.5)

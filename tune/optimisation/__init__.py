@@ -48,7 +48,7 @@ from tune.documents.scene import (
     hand_of,
 )
 from tune.loop.loop import Filters
-from tune.optimisation.cutoffs import choose_filters, worth_of
+from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.describe import (
     SizedCombination,
     combination_margins,
@@ -62,16 +62,20 @@ from tune.optimisation.describe import (
 from tune.optimisation.nash import SAME, Solution
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.region import PlantPoint
-from tune.optimisation.solve import groups, solve
+from tune.optimisation.solve import CutoffObjective, groups, solve, worth_of
 
 if TYPE_CHECKING:
     from tune.optimisation.saturation import AllFound
 
 
 Progress = Callable[[str], None]
+#: The task, with the pairs that had to be told apart, and the largest effects of every group.
+_Solved = tuple[DesignTask, list[Solution]]
 
 #: Proposals after the first, each warned by what the check said of the one before.
 _MOST_ATTEMPTS = 4
+#: Choices of filters whose clamps are proved in turn.
+_MOST_PROVED = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge.
 SLACK = (1e-3, 1e-2, 5e-2)
@@ -113,9 +117,26 @@ def optimise(
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
     task = DesignTask.of(as_stored(device), scene, table or default_table(), favour)
-    filters = _best_proved(task, choose_filters(task, say), say)
+    choices = choose_filters(task, say)
+    while True:
+        filters, solved = _best_proved(task, choices, say)
+        try:
+            return _certified(task, filters, solved, say)
+        except CheckFailedError:
+            choices = [each for each in choices[:_MOST_PROVED] if each[0] != filters]
+            if not choices:
+                raise
+
+
+def _certified(
+    task: DesignTask, filters: Filters, solved: _Solved | None, say: Progress
+) -> SafeProfile:
+    """The profile of the largest effects with some filters, of a little less where a proof fails.
+
+    Raises CheckFailedError where that does not help.
+    """
     for attempt in range(_MOST_ATTEMPTS + 1):
-        task, design, witnesses = _proposed(task, filters, say)
+        task, design, witnesses = _proposed(filters, solved or _solved(task, filters, say))
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
@@ -124,7 +145,7 @@ def optimise(
             warned = _warned(task, error)
             if warned is None or attempt == _MOST_ATTEMPTS:
                 raise
-            task = warned
+            task, solved = warned, None
             continue
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
@@ -136,20 +157,28 @@ def _silent(sentence: str) -> None:
     del sentence
 
 
-def _best_proved(task: DesignTask, choices: Sequence[Filters], say: Progress) -> Filters:
-    """The first filters, or, where clamps were stepped back with them, those that leave most."""
-    best, most = choices[0], None
-    for filters in choices if choices[1:] else ():
-        less, solutions = _solved(task, filters, say)
-        if most is None and less is task and not any(each.stepped_back for each in solutions):
+def _best_proved(
+    task: DesignTask, choices: Sequence[tuple[Filters, CutoffObjective]], say: Progress
+) -> tuple[Filters, _Solved | None]:
+    """The filters that leave most once clamps are proved, and the largest effects with them.
+
+    Choices come with what they are worth at most, the best first.
+    """
+    (best, _), known, most = choices[0], None, None
+    for filters, bound in choices[:_MOST_PROVED] if choices[1:] else ():
+        if most is not None and not most[0] and bound <= most[1]:
             break
-        worth = -len(less.apart), worth_of(task, solutions)
+        less, solutions = _solved(task, filters, say)
+        filtered = [
+            s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
+        ]
+        worth = -len(less.apart), worth_of(task, filtered)
         if most is None or worth > most:
-            best, most = filters, worth
-    return best
+            best, known, most = filters, (less, solutions), worth
+    return best, known
 
 
-def _solved(task: DesignTask, filters: Filters, say: Progress) -> tuple[DesignTask, list[Solution]]:
+def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
     """The largest effects of every group.
 
     A wall and an element that cannot be met together at one step of each are told apart in the
@@ -169,10 +198,10 @@ def _solved(task: DesignTask, filters: Filters, say: Progress) -> tuple[DesignTa
 
 
 def _proposed(
-    task: DesignTask, filters: Filters, say: Progress
+    filters: Filters, solved: _Solved
 ) -> tuple[DesignTask, Design, dict[str, AbsoluteStability]]:
-    """The largest effects of every group, and what proves its clamps, as stored."""
-    task, solutions = _solved(task, filters, say)
+    """The largest effects of every group as a design, and what proves its clamps, as stored."""
+    task, solutions = solved
     reasons = {label: why for solved in solutions for label, why in solved.dropped.items()}
     dropped = with_what_is_felt(task, filters, reasons)
     if not any(solved.by_label() for solved in solutions):

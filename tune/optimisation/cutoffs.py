@@ -6,27 +6,26 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
-from tune.documents import NoFeasibleEffectError
 from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import Cutoff, EffectName, Effects
 from tune.loop.loop import Filters, used_filters
-from tune.optimisation.backends import Scenario
-from tune.optimisation.feasibility import (
-    largest_allowed,
-    least_beside,
-    least_margin_loops,
-    passes_cheap_limits,
-    stable_in_doubles,
-)
-from tune.optimisation.nash import SAME, Optimum, Solution, maximise, slack_change
+from tune.optimisation.feasibility import largest_allowed, least_beside, least_margin_loops
+from tune.optimisation.nash import SAME, maximise, slack_change
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
-from tune.optimisation.solve import groups, optimum_of
+from tune.optimisation.solve import (
+    CutoffObjective,
+    Tuned,
+    groups,
+    tune_with_filters,
+    value_of,
+    weights_of,
+)
 from tune.rendering import FASTEST
 
 FloatArray = NDArray[np.float64]
@@ -40,19 +39,17 @@ _LOWEST = FASTEST
 _COARSE = 3.0
 #: Digits of a written cut-off.
 _DIGITS = 4
-#: What a rank counts beside the one before it.
-_NEXT_RANK = 0.1
-#: Parts to which sizes that were good with other cut-offs are taken back until they are allowed.
-_RETREATS = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
 #: Hills this much lower than the highest are climbed too: between first choices as much may lie.
 _LESS = 0.25
 #: Acceleration filters this much worse may yet be the best with another velocity filter.
 _FAMILY = 0.6
-#: So many starts are climbed from, the best, and so many of them with one kind of acceleration
-#: filter; those of the usual kind are in any case.
-_CLIMBED, _ALIKE = 4, 3
+#: So many starts are climbed from, the best, one of a kind, and so many of them with one kind of
+#: acceleration filter.
+_CLIMBED, _ALIKE = 5, 3
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 2e-3
+#: Steps of the logarithm of a cut-off at which what is best is looked around in the end.
+_AROUND = (0.08, 0.03)
 #: This little is given for less filtering.
 _GOOD_ENOUGH = 2e-3
 #: Step on the logarithmic scale of cut-offs over which a slope is taken.
@@ -63,16 +60,41 @@ _TIED = 1e-6
 _FINE = 24
 
 
-def choose_filters(task: DesignTask, say: Callable[[str], None]) -> tuple[Filters, ...]:
+def choose_filters(
+    task: DesignTask, say: Callable[[str], None]
+) -> list[tuple[Filters, CutoffObjective]]:
     """The fixed filters, and for free ones the least filtering that does nearly as well as any.
 
     Free cut-offs are looked for coarsely, for all elements together, one after the other in both
     orders, then together by cutting planes, on a logarithmic scale above which there is no filter;
-    free kinds likewise, the best of the usual kind coming second: no clamp is proved here. A filter
-    is there for an effect that uses it only: the velocity's for a damper, the other for a mass.
+    free kinds likewise. A filter is there for an effect that uses it only: the velocity's for a
+    damper, the other for a mass. What cannot be kept with the best of all that is left out once
+    more, and looked for without it. The best of other kinds follow, each with what groups that use
+    filters are worth with it at most: nothing is proved here.
     """
-    scene, loop = task.scene, task.scene.loop
-    wishes = {effect for element in scene.elements.values() for effect in element.wishes()}
+    search = _search_of(task, say)
+    best = search.best()
+    left_out = search.left_out(best)
+    if left_out and (fewer := _search_of(task, say, left_out)).free:
+        found = fewer.best()
+        idle = [DERIVATIVES[index] for index in search.free if index not in fewer.free]
+        names = [f"{which}_filter{end}" for which in idle for end in ("", "_hz", "_order")]
+        found = replace(found, **{name: getattr(best, name) for name in names})
+        best = search.better(found, best)
+    return search.ranked(best)
+
+
+def _search_of(
+    task: DesignTask, say: Callable[[str], None], gone: frozenset[str] = frozenset()
+) -> _Search:
+    """The search for filters of all effects but those that are gone, by label."""
+    loop, elements = task.scene.loop, task.scene.elements
+    wishes = {
+        effect
+        for name, element in elements.items()
+        for effect in element.wishes()
+        if f"{name}.{effect}" not in gone
+    }
     windowed = loop.velocity_window_samples if "damping" in wishes else None
     nyquist = 0.5 / task.device.sample_time.high
     with_velocity = "damping" in wishes and windowed is None
@@ -88,12 +110,7 @@ def choose_filters(task: DesignTask, say: Callable[[str], None]) -> tuple[Filter
             settings[f"{which}_filter_hz"] = hertz
         filters = Filters(**settings, filter_damping_ratio=ratio)
         kinds[_kind_of(used_filters(filters, Effects(damping=0.0, mass=0.0)))] = None
-    search = _Search(task, list(kinds), axes, say)
-    best = search.best()
-    if _kind_of(best) == search.kinds[0] or not search.tried:
-        return (best,)
-    usual = (each for each in search.tried if _kind_of(each) == search.kinds[0])
-    return best, max(usual, key=search.tried.__getitem__)
+    return _Search(task, list(kinds), axes, say, gone)
 
 
 class _Search:
@@ -105,12 +122,16 @@ class _Search:
         kinds: Sequence[Filters],
         axes: tuple[_Axis, _Axis],
         say: Callable[[str], None],
+        gone: frozenset[str],
     ) -> None:
         #: Orders, damping ratio and window of filters are those of one of these kinds, the usual
         #: first; the axes are the choices of the velocity and the acceleration filter.
         self.task, self.kinds, self.axes, self.say = task, kinds, axes, say
+        #: Labels of effects that are not looked for.
+        self.gone = gone
+        self.free = [index for index, axis in enumerate(axes) if axis.free]
         #: Of what ends a search: kinds are told apart by effects of the second rank as well.
-        self.unit = _NEXT_RANK if len(kinds) > 1 and len(ranks_of(task)) > 1 else 1.0
+        self.unit = 0.5 if len(kinds) > 1 and len(ranks_of(task)) > 1 else 1.0
         #: Of what is looked at.
         self.kind = kinds[0]
         #: Worth of all elements.
@@ -125,38 +146,73 @@ class _Search:
         self.asked: dict[tuple[str, ...], set[EffectName]] = {}
         elements = task.scene.elements
         for group in groups(task.scene):
-            wishes = set[EffectName]().union(*(elements[name].wishes() for name in group))
-            if wishes & {"damping", "mass"}:
-                self.asked[group] = wishes
-                self.wished[group] = sum(len(elements[name].wishes()) for name in group)
+            wishes: list[EffectName] = [
+                e for name in group for e in elements[name].wishes() if f"{name}.{e}" not in gone
+            ]
+            if "damping" in wishes or "mass" in wishes:
+                self.asked[group], self.wished[group] = set(wishes), len(wishes)
 
     def best(self) -> Filters:
         """The least filtering that is worth nearly as much as the best that is found.
 
         A filter that no kept effect uses tells why there is none, or is found where few suit.
         """
-        free = [index for index, axis in enumerate(self.axes) if axis.free]
+        free = self.free
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
             return self._filters(point)
         starts = sorted(self._starts(point, free), key=self.tried.__getitem__, reverse=True)
-        climbed: list[object] = []
+        climbed: dict[Filters, object] = {}
         for start in starts:
+            kind = _kind_of(start)
             family = filter_of(start, "acceleration")[::2], start.filter_damping_ratio
-            new = climbed.count(family) < _ALIKE and len(climbed) < _CLIMBED
-            if new or _kind_of(start) == self.kinds[0]:
+            alike = [*climbed.values()].count(family)
+            if kind not in climbed and alike < _ALIKE and len(climbed) < _CLIMBED:
                 self._refined(self._place(start), free)
-                climbed.append(family)
+                climbed[kind] = family
+        if len(self.kinds) > 1:
+            self._polish()
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
             beside = [each for each in self.kinds if self._is_beside(best, each, index)]
             nearest = [self._nearest(best, index, kind) for kind in (_kind_of(best), *beside)]
-            reached, found = max(nearest, key=lambda pair: pair[0])
-            if reached >= 1:
-                self._refined(self._place(found), [index])
+            nearest.sort(key=lambda pair: -pair[0])
+            kept = self._objective(self._place(best)).kept
+            for reached, found in nearest:
+                if reached >= 1 and self._objective(self._place(found)).kept > kept:
+                    self._refined(self._place(found), [index])
+                    break
             after = self._least_good()
-            best = after if self._is_used(after, index) else found
+            best = after if self._is_used(after, index) else nearest[0][1]
         return best
+
+    def left_out(self, filters: Filters) -> frozenset[str]:
+        """Labels of the effects that are not kept with some filters."""
+        if not self.free:
+            return frozenset()
+        self._objective(self._place(filters))
+        known = [self.known[elements, self._of(elements, filters)] for elements in self.asked]
+        kept = {u.label for tuned in known if tuned.kept for u in tuned.problem.unknowns}
+        elements = self.task.scene.elements
+        asked = (f"{e}.{f}" for group in self.asked for e in group for f in elements[e].wishes())
+        return frozenset(asked) - kept
+
+    def better(self, filters: Filters, best: Filters) -> Filters:
+        """Some filters where they are worth more than the best, or the best."""
+        mine, its = (self._objective(self._place(each)) for each in (filters, best))
+        enough = CutoffObjective(kept=its.kept, value=its.value + _GOOD_ENOUGH * self.unit)
+        return filters if mine > enough else best
+
+    def ranked(self, best: Filters) -> list[tuple[Filters, CutoffObjective]]:
+        """The best filters, then those of each other kind that keep as much."""
+        if not self.free:
+            return [(best, CutoffObjective(kept=(), value=0.0))]
+        most = self._objective(self._place(best))
+        found = {_kind_of(best): best}
+        for filters in sorted(self.tried, key=self.tried.__getitem__, reverse=True):
+            if self.tried[filters].kept == most.kept:
+                found.setdefault(_kind_of(filters), filters)
+        return [(each, self.tried[each]) for each in found.values()]
 
     def _least_good(self) -> Filters:
         """The first kind, and least filtering of it, that is worth nearly as much as the best."""
@@ -223,14 +279,10 @@ class _Search:
         else:
             # That all effects can be kept is not always soon told.
             self.kind = self.kinds[0]
-            first = self._filters(_most([(self._objective(each), each) for each in pairs]))
-            starts[first] = None
-            for index, kind in product(reversed(free), self.kinds):
-                if self._is_beside(first, kind, index):
-                    near = self._near(kind, first, index)
-                    found = _most([(self._objective(each), each) for each in near])
-                    starts[self._filters(found)] = None
-            return list(starts)
+            for index in (*free, free[0]):
+                line = self._line(middle, index)
+                middle = _most([(self._objective(each), each) for each in line])
+            return [self._filters(middle)]
         for index in reversed(free) if len(self.kinds) > 1 else ():
             ordered = sorted(starts, key=self.tried.__getitem__)
             enough = self.tried[ordered[-1]].value - _FAMILY
@@ -255,11 +307,11 @@ class _Search:
     def _is_beside(self, filters: Filters, kind: Filters, index: int) -> bool:
         """Whether a kind is another one in one filter alone, the damping ratio the one of both.
 
-        The ratio goes with the acceleration filter where that is chosen too.
+        The ratio goes with the acceleration filter where that is chosen too and has two poles.
         """
         mine, other = _kind_of(filters), DERIVATIVES[1 - index]
         same = filter_of(mine, other)[::2] == filter_of(kind, other)[::2]
-        if index == 0 and self.axes[1].free:
+        if index == 0 and self.axes[1].free and mine.acceleration_filter_order > 1:
             # Of one ratio the cut-off may be another one for the same kind as well.
             return same and mine.filter_damping_ratio == kind.filter_damping_ratio
         return same and mine != kind
@@ -267,9 +319,13 @@ class _Search:
     def _uphill(self, kind: Filters, filters: Filters, index: int) -> Iterator[Filters]:
         """Those of a kind, if any, that keep every effect, uphill along one axis from near others.
 
-        Where none do near them, on the line across.
+        Where none do near them, on the line across. A velocity filter may have several hills.
         """
         near = self._near(kind, filters, index)
+        hills = list(self._hills(self._line(near[0], index))) if index == 0 else []
+        if hills:
+            yield from hills
+            return
         step = math.log(_COARSE) / 3
 
         def value(point: list[float]) -> float:
@@ -280,9 +336,12 @@ class _Search:
         kept = (each for each in near if self._objective_of_all(each))
         point = next(kept, None) or self._best_keeping_all(self._line(near[0], 1 - index))
         if point is not None:
-            for way in (-step, step):
-                while value(self._beside(point, index, way)) > value(point) + _TIED:
-                    point = self._beside(point, index, way)
+            for way in (-1, 1):
+                # Far out a filter hardly matters any more.
+                strides = (way * step * 2**count for count in range(8))
+                further = self._beside(point, index, next(strides))
+                while value(further) > value(point) + _TIED:
+                    point, further = further, self._beside(further, index, next(strides))
             yield self._filters(point)
 
     def _near(self, kind: Filters, filters: Filters, index: int) -> list[list[float]]:
@@ -293,9 +352,7 @@ class _Search:
 
     def _beside(self, point: list[float], index: int, way: float) -> list[float]:
         """A point so far along one axis, as far as there are filters."""
-        low, *_, high, _ = self.axes[index].first
-        place = min(max(min(point[index], high) + way, low), high)
-        return [*point[:index], place, *point[index + 1 :]]
+        return [*point[:index], self.axes[index].moved(point[index], way), *point[index + 1 :]]
 
     def _hills(self, line: Sequence[list[float]]) -> Iterator[Filters]:
         """Filters of a line, the first without one, that are worth as much as those beside.
@@ -322,7 +379,9 @@ class _Search:
             if (elements, used) not in self.keeps_all:
                 self._say(filters)
                 last, wished = self.last.get(elements), self.wished[elements]
-                found = tune_with_filters(self.task, elements, used, last, choosing=False)
+                found = tune_with_filters(
+                    self.task, elements, used, last, choosing=False, gone=self.gone
+                )
                 self.keeps_all[elements, used] = sum(found.objective.kept) == wished
                 if self.keeps_all[elements, used]:
                     self.known[elements, used] = self.last[elements] = found
@@ -366,6 +425,30 @@ class _Search:
         highest = [self.axes[i].first[-2:] for i in free]
         value([none if at >= top else at for at, (top, none) in zip(found, highest, strict=True)])
 
+    def _polish(self) -> None:
+        """Move the best filters as long as some around them are worth more (compass search).
+
+        A ridge that bends ends a climb before its highest point.
+        """
+        most = max(self.tried, key=self.tried.__getitem__)
+        best, here = self.tried[most], self._place(most)
+        every = sum(best.kept) == sum(self.wished.values())
+        for step in _AROUND:
+            moved = True
+            while moved:
+                enough = CutoffObjective(best.kept, best.value + _SAME * self.unit / 2)
+                around = [here]
+                for index in self.free:
+                    around += [self._beside(p, index, way) for p in around for way in (-step, step)]
+                found = [
+                    (reached, point)
+                    for point in around
+                    if (reached := (self._objective_of_all if every else self._objective)(point))
+                    and reached > enough
+                ]
+                moved = bool(found)
+                best, here = max([*found, (best, here)])
+
     def _slope(self, point: Sequence[float], index: int) -> float:
         """Slope of the objective by the logarithm of one cut-off."""
         here = self._filters(point)
@@ -397,7 +480,8 @@ class _Search:
     def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
         """One group; known if it was tried before with the filters that it uses."""
         if (elements, filters) not in self.known:
-            found = tune_with_filters(self.task, elements, filters, self.last.get(elements))
+            last = self.last.get(elements)
+            found = tune_with_filters(self.task, elements, filters, last, gone=self.gone)
             self.known[elements, filters] = self.last[elements] = found
             if sum(found.objective.kept) == self.wished[elements]:  # though not soon told before
                 self.keeps_all[elements, filters] = True
@@ -456,106 +540,16 @@ class _Axis:
         """Where a cut-off is; beyond all of them for no filter."""
         return math.log(hertz) if self.free and hertz else self.first[-1]
 
+    def moved(self, place: float, way: float) -> float:
+        """A place so much farther along, as far as there are filters."""
+        low, high = self.first[0], self.first[-2]
+        return min(max(min(place, high) + way, low), high)
+
     def hertz(self, place: float) -> float | None:
         """The cut-off as it is written; None for no filter."""
         if not self.free:
             return self.fixed
         return None if place > self.first[-2] else round_to_digits(math.exp(place), _DIGITS)
-
-
-class CutoffObjective(NamedTuple):
-    """What elements are worth with certain filters; the greater is worth more.
-
-    By rank as many effects as can be kept count first, the first rank first; then the sum of the
-    logarithms of steps, those of a wanted value over all that it asks for, each rank a tenth of the
-    one before.
-    """
-
-    kept: tuple[int, ...]
-    value: float
-
-    def plus(self, other: CutoffObjective) -> CutoffObjective:
-        """The objective of both groups together."""
-        kept = tuple(a + b for a, b in zip(self.kept, other.kept, strict=True))
-        return CutoffObjective(kept=kept, value=self.value + other.value)
-
-
-def worth_of(task: DesignTask, solutions: Sequence[Solution]) -> CutoffObjective:
-    """What solutions of all groups are worth together."""
-    left = [solved for solved in solutions if solved.sizes.size]
-    own = [u.level for solved in left for u in solved.problem.unknowns if not u.settled]
-    value = sum(_value(task, solved.problem, solved.sizes) for solved in left)
-    return CutoffObjective(kept=tuple(map(own.count, ranks_of(task))), value=value)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tuned:
-    """A group tuned with certain filters: the problem of what is kept, its optimum if any."""
-
-    objective: CutoffObjective
-    problem: Problem
-    optimum: Optimum | None
-
-    @property
-    def kept(self) -> bool:
-        """Whether anything is."""
-        return self.optimum is not None and self.optimum.sizes is not None
-
-
-def tune_with_filters(
-    task: DesignTask,
-    elements: Sequence[str],
-    filters: Filters,
-    before: Tuned | None = None,
-    *,
-    choosing: bool = True,
-) -> Tuned:
-    """A group tuned by one solver, from where it was with other filters.
-
-    Nothing is worth less than a range that cannot be met. Of effects that cannot be kept together
-    the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
-    """
-
-    def known(problem: Problem) -> tuple[list[FloatArray], Sequence[Scenario]]:
-        if before is None or before.optimum is None or before.optimum.sizes is None:
-            return [], ()
-        sizes, labels = before.optimum.sizes, [u.label for u in before.problem.unknowns]
-        if sizes.size < 2 or [u.label for u in problem.unknowns] != labels:
-            return [], ()
-        # Allowed as far as doubles tell: what is written in the end is not found from here.
-        points = np.maximum(np.minimum(np.outer(_RETREATS, sizes), problem.high), problem.low)
-        points = points[passes_cheap_limits(problem, points)]
-        return [*points[stable_in_doubles(problem, points)][:1]], before.optimum.scenarios
-
-    cut = may_saturate(task, elements)
-    try:
-        problem, optimum, dropped = optimum_of(
-            task,
-            elements,
-            filters,
-            cut=cut,
-            second_opinion=False,
-            known=known,
-            choosing=choosing,
-        )
-    except NoFeasibleEffectError:
-        problem = problem_of(task, elements=elements, filters=filters, cut=cut)
-        kept = (-len(problem.unknowns),) * len(ranks_of(task))
-        return Tuned(objective=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
-    sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
-    levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
-    # A range that is missed costs more than all else that could be kept instead.
-    wishes = {name: task.scene.elements[name].wishes() for name in elements}
-    missed = sum(
-        f"{name}.{effect}" in dropped
-        for name in elements
-        for effect, wish in wishes[name].items()
-        if wish.kind == "range" and wish.low
-    )
-    most = sum(map(len, wishes.values()))
-    kept = tuple(levels.count(rank) - missed * most for rank in ranks_of(task))
-    objective = CutoffObjective(kept=kept, value=_value(task, problem, sizes))
-    return Tuned(objective=objective, problem=problem, optimum=optimum)
 
 
 def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
@@ -573,7 +567,7 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
     open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
     if open_ends.size <= 1:
         return max(_value_alone(task, beside, sizes, open_ends) - found.objective.value, -1.0)
-    change = _value(task, beside, sizes) - found.objective.value
+    change = value_of(task, beside, sizes) - found.objective.value
     if optimum.summit is not None and sizes.size == 2 and problem.unknowns[0].yields:
         # A wall: its spring is so many steps below its largest, beside which its damper is.
         spring, summit = problem.unknowns[0], optimum.summit
@@ -588,7 +582,7 @@ def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
                 if np.isfinite(value):
                     return value - found.objective.value
     shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
-    slack = slack_change(problem, beside, np.array(_weights(task, problem)), sizes, shown)
+    slack = slack_change(problem, beside, np.array(weights_of(task, problem)), sizes, shown)
     if slack is not None:
         return change + slack
     # Where one rank came before the next no sum of both is at its largest.
@@ -603,18 +597,4 @@ def _value_alone(
     sizes = np.minimum(sizes, problem.high)
     for index in raised.tolist():
         sizes[index] = largest_allowed(problem, sizes, index)
-    return _value(task, problem, sizes) if np.all(sizes > 0) else -np.inf
-
-
-def _weights(task: DesignTask, problem: Problem) -> list[float]:
-    ranks = ranks_of(task)
-    return [
-        0.0 if u.settled else u.weight * _NEXT_RANK ** ranks.index(u.level)
-        for u in problem.unknowns
-    ]
-
-
-def _value(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
-    """The weighed sum of the logarithms of steps."""
-    each = zip(_weights(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
-    return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
+    return value_of(task, problem, sizes) if np.all(sizes > 0) else -np.inf

@@ -201,6 +201,8 @@ class _Search:
         self.program = program_of(problem, self.scenarios)
         self.methods: list[str] = []
         self.disagreement = 0.0
+        #: How close a proposal is met; roughly where no other solver looks again.
+        self.close = SAME / 100 if len(backends) > 1 else 100 * SAME
 
     def raise_rank(
         self, active: NDArray[np.bool_], fixed: NDArray[np.bool_], starts: Sequence[FloatArray]
@@ -314,21 +316,21 @@ class _Search:
                 break
         if proposal is None:
             return None
-        return _bisect_to_feasible(self.problem, np.exp(start), proposal)
+        return _bisect_to_feasible(self.problem, np.exp(start), proposal, self.close)
 
 
 def _bisect_to_feasible(
-    problem: Problem, inner: FloatArray, proposal: FloatArray
+    problem: Problem, inner: FloatArray, proposal: FloatArray, close: float
 ) -> FloatArray | None:
     """The last feasible point on the way from a feasible setting to a proposal."""
     # Towards the proposal in smaller and smaller steps: most are only a little beyond.
-    parts = 1 - np.asarray(np.geomspace(1.0, SAME / 100, _SECTIONS), dtype=np.float64)
+    parts = 1 - np.asarray(np.geomspace(1.0, close, _SECTIONS), dtype=np.float64)
     while True:
         points = inner ** (1 - parts[:, None]) * proposal ** parts[:, None]
         good = feasible_points(problem, points)
         first = int(np.argmin(np.append(good, False)))
         last = max(first - 1, 0)
-        if first in (0, _SECTIONS) or parts[first] - parts[last] < SAME / 100:
+        if first in (0, _SECTIONS) or parts[first] - parts[last] < close:
             return points[last] if first else None
         parts = np.linspace(float(parts[last]), float(parts[first]), _SECTIONS)
 

@@ -1,12 +1,12 @@
-"""Elements that meet to their largest perceivable effects, rounded and allowed exactly."""
+"""Elements that meet to their largest perceivable effects, exactly or to compare filters."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from tune.optimisation.feasibility import (
     feasible_points,
     largest_allowed,
     least_beside,
+    passes_cheap_limits,
+    stable_in_doubles,
     stable_points,
 )
 from tune.optimisation.limits import Unknown
@@ -33,7 +35,7 @@ from tune.optimisation.nash import (
     feasible_subsets,
     largest_product,
 )
-from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
 
 if TYPE_CHECKING:
     from tune.optimisation.saturation import AllFound
@@ -302,7 +304,8 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    begin = ((), ()) if dropped or known is None else known(problem)
+    whole = len(dropped) == len(gone or {})
+    begin = known(problem) if whole and known is not None else ((), ())
     found = largest_product(problem, solvers, *begin)
     if found.sizes is not None or not choosing:
         return problem, found, dropped
@@ -497,3 +500,121 @@ def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
         if good.size:
             return trials[good[0]]
     return sizes * (1 - SAME)
+
+
+#: What a rank counts beside the one before it.
+_NEXT_RANK = 0.1
+#: Parts to which sizes that were good with other cut-offs are taken back until they are allowed.
+_TAKEN_BACK = (1.0, 0.9995, 0.98, 0.9, 0.75, 0.5, 0.25)
+
+
+class CutoffObjective(NamedTuple):
+    """What elements are worth with certain filters; the greater is worth more.
+
+    By rank as many effects as can be kept count first, the first rank first; then the sum of the
+    logarithms of steps, those of a wanted value over all that it asks for, each rank a tenth of the
+    one before.
+    """
+
+    kept: tuple[int, ...]
+    value: float
+
+    def plus(self, other: CutoffObjective) -> CutoffObjective:
+        """The objective of both groups together."""
+        kept = tuple(a + b for a, b in zip(self.kept, other.kept, strict=True))
+        return CutoffObjective(kept=kept, value=self.value + other.value)
+
+
+def worth_of(task: DesignTask, solutions: Sequence[Solution]) -> CutoffObjective:
+    """What solutions of all groups are worth together."""
+    left = [solved for solved in solutions if solved.sizes.size]
+    own = [u.level for solved in left for u in solved.problem.unknowns if not u.settled]
+    value = sum(value_of(task, solved.problem, solved.sizes) for solved in left)
+    return CutoffObjective(kept=tuple(map(own.count, ranks_of(task))), value=value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuned:
+    """A group tuned with certain filters: the problem of what is kept, its optimum if any."""
+
+    objective: CutoffObjective
+    problem: Problem
+    optimum: Optimum | None
+
+    @property
+    def kept(self) -> bool:
+        """Whether anything is."""
+        return self.optimum is not None and self.optimum.sizes is not None
+
+
+def tune_with_filters(
+    task: DesignTask,
+    elements: Sequence[str],
+    filters: Filters,
+    before: Tuned | None = None,
+    *,
+    choosing: bool = True,
+    gone: frozenset[str] = frozenset(),
+) -> Tuned:
+    """A group tuned by one solver, from where it was with other filters, without what is gone.
+
+    Nothing is worth less than a range that cannot be met. Of effects that cannot be kept together
+    the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
+    """
+
+    def known(problem: Problem) -> tuple[list[FloatArray], Sequence[Scenario]]:
+        if before is None or before.optimum is None or before.optimum.sizes is None:
+            return [], ()
+        sizes, labels = before.optimum.sizes, [u.label for u in before.problem.unknowns]
+        if sizes.size < 2 or [u.label for u in problem.unknowns] != labels:
+            return [], ()
+        # Allowed as far as doubles tell: what is written in the end is not found from here.
+        points = np.maximum(np.minimum(np.outer(_TAKEN_BACK, sizes), problem.high), problem.low)
+        points = points[passes_cheap_limits(problem, points)]
+        return [*points[stable_in_doubles(problem, points)][:1]], before.optimum.scenarios
+
+    cut = may_saturate(task, elements)
+    try:
+        problem, optimum, dropped = optimum_of(
+            task,
+            elements,
+            filters,
+            cut=cut,
+            second_opinion=False,
+            known=known,
+            choosing=choosing,
+            gone=dict.fromkeys(gone, ""),
+        )
+    except NoFeasibleEffectError:
+        problem = problem_of(task, elements=elements, filters=filters, cut=cut, gone=gone)
+        kept = (-len(problem.unknowns),) * len(ranks_of(task))
+        return Tuned(objective=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
+    sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
+    levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
+    # A range that is missed costs more than all else that could be kept instead.
+    wishes = {name: task.scene.elements[name].wishes() for name in elements}
+    missed = sum(
+        f"{name}.{effect}" in dropped.keys() - gone
+        for name in elements
+        for effect, wish in wishes[name].items()
+        if wish.kind == "range" and wish.low
+    )
+    most = sum(map(len, wishes.values()))
+    kept = tuple(levels.count(rank) - missed * most for rank in ranks_of(task))
+    objective = CutoffObjective(kept=kept, value=value_of(task, problem, sizes))
+    return Tuned(objective=objective, problem=problem, optimum=optimum)
+
+
+def weights_of(task: DesignTask, problem: Problem) -> list[float]:
+    """What the logarithm of the steps of each unknown counts, by its rank."""
+    ranks = ranks_of(task)
+    return [
+        0.0 if u.settled else u.weight * _NEXT_RANK ** ranks.index(u.level)
+        for u in problem.unknowns
+    ]
+
+
+def value_of(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
+    """The weighed sum of the logarithms of steps."""
+    each = zip(weights_of(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
+    return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))

@@ -162,19 +162,21 @@ def _best_proved(
 ) -> tuple[Filters, _Solved | None]:
     """The filters that leave most once clamps are proved, and the largest effects with them.
 
-    Choices come with what they are worth at most, the best first.
+    As many effects as can be kept count first, then as few pairs apart as can be. Choices come with
+    what they are worth at most, the best first.
     """
     (best, _), known, most = choices[0], None, None
     for filters, bound in choices[:_MOST_PROVED] if choices[1:] else ():
-        if most is not None and not most[0] and bound <= most[1]:
+        if most is not None and not most[1] and bound <= (most[0], most[2]):
             break
         less, solutions = _solved(task, filters, say)
         filtered = [
             s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
         ]
-        worth = -len(less.apart), worth_of(task, filtered)
-        if most is None or worth > most:
-            best, known, most = filters, (less, solutions), worth
+        worth = worth_of(task, filtered)
+        mine = worth.kept, -len(less.apart), worth.value
+        if most is None or mine > most:
+            best, known, most = filters, (less, solutions), mine
     return best, known
 
 

@@ -79,6 +79,8 @@ def choose_filters(
         found = fewer.best()
         idle = [DERIVATIVES[index] for index in search.free if index not in fewer.free]
         names = [f"{which}_filter{end}" for which in idle for end in ("", "_hz", "_order")]
+        used = (filter_of(found, which) for which in DERIVATIVES if which not in idle)
+        names += ["filter_damping_ratio"] * all(each.order < 2 for each in used)
         found = replace(found, **{name: getattr(best, name) for name in names})
         best = search.better(found, best)
     return search.ranked(best)
@@ -181,10 +183,20 @@ class _Search:
             for reached, found in nearest:
                 if reached >= 1 and self._objective(self._place(found)).kept > kept:
                     self._refined(self._place(found), [index])
+                    if 1 - index in free:
+                        self._refine_others(1 - index)
                     break
             after = self._least_good()
             best = after if self._is_used(after, index) else nearest[0][1]
         return best
+
+    def _refine_others(self, index: int) -> None:
+        """Climb from the best of other kinds in one filter, where more was found to be kept."""
+        start = self._least_good()
+        beside = [kind for kind in self.kinds if self._is_beside(start, kind, index)]
+        found = [each for kind in beside for each in self._uphill(kind, start, index)]
+        if found:
+            self._refined(self._place(max(found, key=self.tried.__getitem__)), self.free)
 
     def left_out(self, filters: Filters) -> frozenset[str]:
         """Labels of the effects that are not kept with some filters."""

@@ -121,22 +121,20 @@ def optimise(
     while True:
         filters, solved = _best_proved(task, choices, say)
         try:
-            return _certified(task, filters, solved, say)
+            return _certified(filters, solved, say)
         except CheckFailedError:
             choices = [each for each in choices[:_MOST_PROVED] if each[0] != filters]
             if not choices:
                 raise
 
 
-def _certified(
-    task: DesignTask, filters: Filters, solved: _Solved | None, say: Progress
-) -> SafeProfile:
+def _certified(filters: Filters, solved: _Solved, say: Progress) -> SafeProfile:
     """The profile of the largest effects with some filters, of a little less where a proof fails.
 
     Raises CheckFailedError where that does not help.
     """
     for attempt in range(_MOST_ATTEMPTS + 1):
-        task, design, witnesses = _proposed(filters, solved or _solved(task, filters, say))
+        task, design, witnesses = _proposed(filters, solved)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
@@ -145,7 +143,7 @@ def _certified(
             warned = _warned(task, error)
             if warned is None or attempt == _MOST_ATTEMPTS:
                 raise
-            task, solved = warned, None
+            solved = _solved(warned, filters, say)
             continue
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
@@ -159,14 +157,15 @@ def _silent(sentence: str) -> None:
 
 def _best_proved(
     task: DesignTask, choices: Sequence[tuple[Filters, CutoffObjective]], say: Progress
-) -> tuple[Filters, _Solved | None]:
+) -> tuple[Filters, _Solved]:
     """The filters that leave most once clamps are proved, and the largest effects with them.
 
     As many effects as can be kept count first, then as few pairs apart as can be. Choices come with
     what they are worth at most, the best first.
     """
-    (best, _), known, most = choices[0], None, None
-    for filters, bound in choices[:_MOST_PROVED] if choices[1:] else ():
+    found: tuple[Filters, _Solved] | None = None
+    most: tuple[tuple[int, ...], int, float] | None = None
+    for filters, bound in choices[:_MOST_PROVED]:
         if most is not None and not most[1] and bound <= (most[0], most[2]):
             break
         less, solutions = _solved(task, filters, say)
@@ -176,8 +175,9 @@ def _best_proved(
         worth = worth_of(task, filtered)
         mine = worth.kept, -len(less.apart), worth.value
         if most is None or mine > most:
-            best, known, most = filters, (less, solutions), mine
-    return best, known
+            found, most = (filters, (less, solutions)), mine
+    assert found is not None  # there is a choice
+    return found
 
 
 def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:

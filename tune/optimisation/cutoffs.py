@@ -16,6 +16,7 @@ from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import Cutoff, EffectName, Effects
 from tune.loop.loop import Filters, used_filters
 from tune.optimisation.feasibility import largest_allowed, least_beside, least_margin_loops
+from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import SAME, maximise, slack_change
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
 from tune.optimisation.solve import (
@@ -50,6 +51,8 @@ _CLIMBED, _ALIKE = 5, 3
 _SAME = 2e-3
 #: Steps of the logarithm of a cut-off at which what is best is looked around in the end.
 _AROUND = (0.08, 0.03)
+#: Part of it that counts where effects of a second rank tell kinds apart.
+_FINER = 0.5
 #: This little is given for less filtering.
 _GOOD_ENOUGH = 2e-3
 #: Step on the logarithmic scale of cut-offs over which a slope is taken.
@@ -133,7 +136,7 @@ class _Search:
         self.gone = gone
         self.free = [index for index, axis in enumerate(axes) if axis.free]
         #: Of what ends a search: kinds are told apart by effects of the second rank as well.
-        self.unit = 0.5 if len(kinds) > 1 and len(ranks_of(task)) > 1 else 1.0
+        self.unit = _FINER if len(kinds) > 1 and len(ranks_of(task)) > 1 else 1.0
         #: Of what is looked at.
         self.kind = kinds[0]
         #: Worth of all elements.
@@ -203,8 +206,7 @@ class _Search:
         if not self.free:
             return frozenset()
         self._objective(self._place(filters))
-        known = [self.known[elements, self._of(elements, filters)] for elements in self.asked]
-        kept = {u.label for tuned in known if tuned.kept for u in tuned.problem.unknowns}
+        kept = {unknown.label for unknown in self._kept(filters)}
         elements = self.task.scene.elements
         asked = (f"{e}.{f}" for group in self.asked for e in group for f in elements[e].wishes())
         return frozenset(asked) - kept
@@ -241,13 +243,12 @@ class _Search:
 
     def _is_used(self, filters: Filters, index: int) -> bool:
         """Whether an effect that is kept uses one of the filters."""
-        known = [self.known[elements, self._of(elements, filters)] for elements in self.asked]
-        return any(
-            unknown.effect == _USES[index]
-            for tuned in known
-            if tuned.kept
-            for unknown in tuned.problem.unknowns
-        )
+        return any(unknown.effect == _USES[index] for unknown in self._kept(filters))
+
+    def _kept(self, filters: Filters) -> list[Unknown]:
+        """The effects that are kept with some filters, which were tried."""
+        known = (self.known[elements, self._of(elements, filters)] for elements in self.asked)
+        return [u for tuned in known if tuned.kept for u in tuned.problem.unknowns]
 
     def _nearest(self, filters: Filters, index: int, kind: Filters) -> tuple[float, Filters]:
         """How near to a step an effect comes with one filter chosen anew, and both filters."""

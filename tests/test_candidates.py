@@ -72,8 +72,10 @@ def _stiffness(candidate: Any) -> float:
 
 
 def test_each_candidate_is_as_stiff_as_its_own_margin_allows(
-    device: Device, walls: tuple[Any, ...]
+    device: Device, walls: tuple[Any, ...], said: list[str]
 ) -> None:
+    for margin in PROMISED:
+        assert f"{margin} margin: tuning wall (1 of 1)" in said
     box = device.simultaneous_box()
     assert [candidate.margin for candidate in walls] == list(PROMISED)
     for candidate in walls:
@@ -123,6 +125,7 @@ def test_tune_shows_all_and_writes_the_margin_chosen() -> None:
     assert [table.count(margin) for margin in PROMISED] == [1, 1, 1]
     assert "balanced *" in table
     assert "firm >" in table
+    assert ended.out.count("filters: none") == 3
     (row,) = (line.split() for line in table.splitlines() if "wall stiffness, N/m" in line)
     assert row[-3:] == ["280"] * 3
     assert "here the conservative one costs nothing" in ended.out
@@ -206,5 +209,13 @@ def test_the_command_shows_the_table_and_its_numbers_in_json(
     assert ended.code == 0, ended.err
     rows = ended.result["details"]["what_if"]
     assert rows[0]["change"] == "as it is"
-    assert {"half the delay", "twice the force"} <= {row["change"] for row in rows}
+    assert {row["change"] for row in rows[1:]} == {
+        *("half the delay", "twice the sample rate", "an encoder twice as fine"),
+        *("twice the force", "half the damping", "twice the damping"),
+    }
+    less, own, more = (
+        next(row["total"] for row in rows if row["change"] == change)
+        for change in ("half the damping", "as it is", "twice the damping")
+    )
+    assert less > own > more  # steps of 10 N·s/m beside the device's own
     assert all(row["total"] > 0 for row in rows)

@@ -172,6 +172,9 @@ def test_what_other_evidence_says_against_an_estimate_is_found() -> None:
         found = judge(fit.trajectory, fit.others[0], chosen, consulted=[other])
         assert [each.code for each in found] == [code] * bool(code), words
         assert all(words in each.seen for each in found)
+        if chosen is heavy:
+            mass, doubt = chosen.value("mass"), 2 * chosen.deviation("mass")
+            assert found[0].seen.endswith(f" {mass:.4g} ± {doubt:.2g}")
 
 
 def test_a_search_that_did_not_settle_is_not_believed() -> None:

@@ -94,6 +94,15 @@ def test_hardware_tells_units(force: float, position: float) -> None:
     assert "force-unit" in refusals(other, hardware)
 
 
+@pytest.mark.parametrize("gain", [1e-3, 1e-6, 1e3])
+def test_a_clock_of_another_unit_is_named_by_its_gain(gain: float) -> None:
+    hardware = Hardware(sample_time=quantity(STEP))
+    other = log(plain().force, plain().position, plain().time / gain)
+    finding = next(each for each in inspect(other, hardware) if each.code == "force-unit")
+    assert (f"--time-gain {gain:g} " in finding.remedy) == (gain < 1)
+    assert f"{1 / gain:.4g} times the sample time" in finding.seen
+
+
 def test_alternating_steps_are_used_as_they_are() -> None:
     """True stamps of 10 and 12 ms in turn: taken as equal they would shift the mass by a tenth."""
     stamps = np.cumsum(np.where(np.arange(1200) % 2, 12, 10))

@@ -83,6 +83,8 @@ def test_each_device_gets_what_calibrate_gives_it(calibrated: Path, here: Path) 
     page = (calibrated / "fleet" / "summary.html").read_text(encoding="utf-8")
     assert "not like the others" in page
     assert "SNnone" in page
+    for name in ("mass", "damping", "water damping"):
+        assert re.search(rf"\b{name}\s[^\n]*\s{COUNT}\s", re.sub(r"<[^>]*>", " ", page)), name
     assert not re.search(r"(src|href)=.(?!data:)", page)
 
 

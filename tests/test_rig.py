@@ -316,6 +316,10 @@ def test_current_lag_is_an_exponential() -> None:
             "only one of the two is simulated",
         ),
         (lambda: simulate(rig(), np.zeros(5), push=np.zeros(4)), "push has 4 samples, force 5"),
+        (
+            lambda: simulate(rig(mass=[1.0, 2.0]), np.zeros(5), push=np.zeros((3, 5))),
+            "batch sizes must agree or be 1",
+        ),
     ],
 )
 def test_impossible_mechanisms_are_refused(make: Any, message: str) -> None:

@@ -12,6 +12,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -131,6 +132,28 @@ def test_a_tenth_of_a_force_tells_axes_apart() -> None:
     box = identify(seen.log(), hardware=hardware()).device.simultaneous_box()
     assert 1.9 < box.mass[0] < 2.0
     assert 4.0 < box.mass[1] < 4.1
+
+
+def test_ends_of_matrices_are_those_of_the_worst_directions(planar: Device) -> None:
+    """Of vᵀMv so many standard deviations away; looked for on a fine grid of directions."""
+    assert planar.poses is not None
+    (pose,) = planar.poses
+    angle = np.linspace(0, np.pi, 20_001)
+    x, y = np.cos(angle), np.sin(angle)
+    weights = np.stack((x * x, 2 * x * y, y * y))
+    places: dict[Literal["mass", "damping"], int] = {"mass": 0, "damping": 3}
+    for which, place in places.items():
+        matrix = np.array(getattr(pose, which))
+        entries = np.array([matrix[0, 0], matrix[0, 1], matrix[1, 1]])
+        joint = np.array(pose.covariance.matrix)[place : place + 3, place : place + 3]
+        value = entries @ weights
+        half = 5.0 * np.sqrt(np.einsum("id,ij,jd->d", weights, joint, weights))
+        low, high = value - half, value + half
+        if which == "mass":
+            low, high = value * np.exp(-half / value), value * np.exp(half / value)
+        least, largest = pose.extremes(which, 5.0)
+        assert least.value == pytest.approx(np.min(low), rel=1e-5)
+        assert largest.value == pytest.approx(np.max(high), rel=1e-5)
 
 
 def test_filtered_methods_agree_with_the_truth() -> None:

@@ -13,7 +13,6 @@ import pytest
 from datasets_synthetic import SCENARIOS, log_text, named_rig, run
 from identification import Hardware, Trajectory, examine, load_device
 from tests.commands import Ended, haptune
-from tests.thinned import thinned
 from tune import load_profile
 
 #: Scenario of a good log of each named device.
@@ -107,14 +106,12 @@ def _judge(case: Mangled, *, hardware: bool) -> None:
         assert f"{case.remedy[0]} " in ended.err
 
 
-@pytest.mark.parametrize("case", thinned(VERSIONS, 5), ids=str)
+@pytest.mark.parametrize("case", VERSIONS, ids=str)
 def test_another_unit_with_hardware_is_refused_and_its_gain_named(case: Mangled) -> None:
     _judge(case, hardware=True)
 
 
-@pytest.mark.parametrize(
-    "case", thinned([each for each in VERSIONS if each.unit in {"mm", "ms"}], 4), ids=str
-)
+@pytest.mark.parametrize("case", [each for each in VERSIONS if each.unit in {"mm", "ms"}], ids=str)
 def test_another_unit_without_hardware_is_refused_or_asked_about(case: Mangled) -> None:
     _judge(case, hardware=False)
 

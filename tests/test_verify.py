@@ -15,7 +15,6 @@ from datasets_synthetic import Controller, Faults, Hand, Rig, log_text, simulate
 from identification import Device, Trajectory, UsageError, load_device, quantity
 from tests.commands import haptune
 from tests.reference import crossings, reference_loop, stable_by_jury
-from tests.thinned import thinned
 from tune import Scene, Verification, optimise, verify
 from tune.documents.profile import Design
 
@@ -197,7 +196,7 @@ def test_the_measured_mode_is_that_of_the_continuous_device() -> None:
     assert abs(measured.decay - 1.45) < measured.decay_half + 0.01
 
 
-@pytest.mark.parametrize("name", thinned(BENCHES, 1))
+@pytest.mark.parametrize("name", BENCHES)
 def test_a_mass_that_differs_by_30_percent_shows_in_the_frequency(name: str) -> None:
     bench, element, gain = BENCHES[name]
     other = {"mass": 1.3 * bench.truth["mass"]}
@@ -363,20 +362,17 @@ def _margin_is_kept(element: str, delay: int, mass: float = 3.0, damping: float 
 
 @pytest.mark.parametrize(
     ("element", "gain", "delay", "code"),
-    thinned(
-        [
-            ("rubber", 0.3, 1, 4),
-            ("rubber", 0.9, 1, 0),
-            ("rubber", 0.9, 6, 6),
-            ("wall", 0.3, 1, 4),
-            ("cup", 0.3, 1, 0),
-            ("rubber", 0.1, 2, 4),
-            ("rubber", 0.1, 7, 4),
-            ("rubber", 0.3, 7, 4),
-            ("rubber", 0.9, 3, 4),
-        ],
-        5,
-    ),
+    [
+        ("rubber", 0.3, 1, 4),
+        ("rubber", 0.9, 1, 0),
+        ("rubber", 0.9, 6, 6),
+        ("wall", 0.3, 1, 4),
+        ("cup", 0.3, 1, 0),
+        ("rubber", 0.1, 2, 4),
+        ("rubber", 0.1, 7, 4),
+        ("rubber", 0.3, 7, 4),
+        ("rubber", 0.9, 3, 4),
+    ],
 )
 def test_agreement_is_said_only_where_the_log_tells(
     element: str, gain: float, delay: int, code: int
@@ -432,7 +428,7 @@ def test_the_command_says_what_to_play_and_lays_out_what_is_wrong(
     assert max(map(len, lines)) < 200
 
 
-@pytest.mark.parametrize("name", thinned(BENCHES, 1))
+@pytest.mark.parametrize("name", BENCHES)
 def test_another_cutoff_is_named_with_its_value(name: str) -> None:
     bench, element, gain = BENCHES[name]
     cutoff = 0.7 * bench.filters["velocity_filter_hz"]
@@ -441,7 +437,7 @@ def test_another_cutoff_is_named_with_its_value(name: str) -> None:
     assert f"velocity is filtered at {cutoff:g} Hz" in said(seen, "law")
 
 
-@pytest.mark.parametrize("name", thinned(reversed(BENCHES), 1))
+@pytest.mark.parametrize("name", BENCHES)
 def test_a_missing_filter_is_named(name: str) -> None:
     bench, element, gain = BENCHES[name]
     seen = verify(bench.profile, bench.log(element, gain, velocity_filter_hz=np.inf))
@@ -450,26 +446,23 @@ def test_a_missing_filter_is_named(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("changed", "words"),
-    thinned(
-        [
-            ({"acceleration_filter_hz": 45.0}, "acceleration is filtered at 45 Hz"),
-            (
-                {"acceleration_filter_order": 1},
-                "acceleration is filtered at 30 Hz and order 1 instead of 2",
-            ),
-            (
-                {"velocity_filter_order": 2},
-                "velocity is filtered at 50 Hz and order 2 instead of 1",
-            ),
-            (
-                {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
-                "velocity and acceleration are not filtered",
-            ),
-            ({"stiffness": 560.0}, "stiffness at 0.56 of the profile's, damping at 0.8"),
-            ({"damping": 0.008}, "damping at 0.0008 of the profile's"),
-        ],
-        3,
-    ),
+    [
+        ({"acceleration_filter_hz": 45.0}, "acceleration is filtered at 45 Hz"),
+        (
+            {"acceleration_filter_order": 1},
+            "acceleration is filtered at 30 Hz and order 1 instead of 2",
+        ),
+        (
+            {"velocity_filter_order": 2},
+            "velocity is filtered at 50 Hz and order 2 instead of 1",
+        ),
+        (
+            {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
+            "velocity and acceleration are not filtered",
+        ),
+        ({"stiffness": 560.0}, "stiffness at 0.56 of the profile's, damping at 0.8"),
+        ({"damping": 0.008}, "damping at 0.0008 of the profile's"),
+    ],
     ids=str,
 )
 def test_what_the_controller_runs_instead_is_named(changed: dict[str, Any], words: str) -> None:
@@ -478,7 +471,7 @@ def test_what_the_controller_runs_instead_is_named(changed: dict[str, Any], word
     assert words in said(seen, "law")
 
 
-@pytest.mark.parametrize("rows", thinned([1, -1, 2], 2))
+@pytest.mark.parametrize("rows", [1, -1, 2])
 def test_a_shifted_force_column_is_named(rows: int) -> None:
     log = STYLUS.log("wall", 0.5, samples=1200)
     seen = verify(STYLUS.profile, replace(log, force=np.roll(log.force, rows)))
@@ -496,7 +489,7 @@ def test_a_flipped_sign_is_named_and_no_motion_is_judged(name: str) -> None:
     assert verdicts(seen)["frequency"] == "not assessed"
 
 
-@pytest.mark.parametrize("known", thinned([True, False], 1))
+@pytest.mark.parametrize("known", [True, False])
 def test_millimetres_are_named_with_and_without_a_known_encoder(known: bool) -> None:
     log = STYLUS.log("wall", 0.5)
     profile = STYLUS.profile
@@ -512,21 +505,18 @@ def test_millimetres_are_named_with_and_without_a_known_encoder(known: bool) -> 
 
 @pytest.mark.parametrize(
     ("loop", "run"),
-    thinned(
-        [
-            ({"velocity_filter_order": 2}, {"velocity_filter_order": 2}),
-            (
-                {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
-                {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
-            ),
-            ({"acceleration_filter_order": 1}, {"acceleration_filter_order": 1}),
-            (
-                {"velocity_filter_hz": None, "velocity_window_samples": 15},
-                {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
-            ),
-        ],
-        1,
-    ),
+    [
+        ({"velocity_filter_order": 2}, {"velocity_filter_order": 2}),
+        (
+            {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
+            {"velocity_filter_order": 2, "filter_damping_ratio": 0.7071},
+        ),
+        ({"acceleration_filter_order": 1}, {"acceleration_filter_order": 1}),
+        (
+            {"velocity_filter_hz": None, "velocity_window_samples": 15},
+            {"velocity_filter_hz": np.inf, "velocity_window_samples": 15},
+        ),
+    ],
     ids=str,
 )
 def test_every_filter_of_a_profile_is_recognised(loop: dict[str, Any], run: dict[str, Any]) -> None:

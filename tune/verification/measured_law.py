@@ -70,6 +70,8 @@ _SHIFTS = (1, -1, 2, -2)
 _LOWEST, _HIGHEST = 1.0, 0.45
 #: ... first on so many places, then between the best and its neighbours to this part.
 _PLACES, _FINE = 40, 1e-4
+#: Samples of the longest window looked for.
+_WIDEST = 60
 #: A cut-off nearer to the profile's than this part is the same to any margin.
 _MATERIAL_CUTOFF = 0.03
 
@@ -399,6 +401,8 @@ def _variants(log: Log, loop: LoopProfile, combinations: Combinations) -> Iterat
                 words=f"{name} is not filtered", remedy=run, loop=loop.model_copy(update=bare)
             )
         yield from _other_filters(log, loop, combinations, name, run)
+    if damped:
+        yield _other_window(log, loop, combinations, run)
     if damped and heavy:
         yield _Variant(
             words="velocity and acceleration are not filtered",
@@ -419,13 +423,6 @@ def _other_filters(
     """Other cut-offs and orders of one estimate."""
     mine, stated, order = filter_of(loop, name)
     own = mine, order
-
-    def residual(loop: LoopProfile) -> float:
-        columns = log.columns(loop)
-        if columns is None:
-            return np.inf
-        return min(fit_scaled(columns, effects).residual for effects in combinations.values())
-
     for kind, order in dict.fromkeys([own, ("low-pass", 1), ("low-pass", 2)]):
 
         def with_cutoff(hertz: float, kind: str = kind, order: int = order) -> LoopProfile:
@@ -433,7 +430,9 @@ def _other_filters(
             update |= {f"{name}_filter": kind}
             return loop.model_copy(update=_bare(name) | update)
 
-        hertz = _best_cutoff(lambda f: residual(with_cutoff(f)), _HIGHEST / loop.sample_time)
+        hertz = _best_cutoff(
+            lambda f: _unexplained(log, with_cutoff(f), combinations), _HIGHEST / loop.sample_time
+        )
         told = "no filter" if stated is None else f"{stated:.4g} Hz"
         other = "" if (kind, order) == own else f" and order {order} instead of {own[1]}"
         yield _Variant(
@@ -444,6 +443,32 @@ def _other_filters(
             or stated is None
             or abs(hertz / stated - 1) > _MATERIAL_CUTOFF,
         )
+
+
+def _other_window(log: Log, loop: LoopProfile, combinations: Combinations, remedy: str) -> _Variant:
+    """Velocity over some last samples instead of what the profile has."""
+    windows = [
+        loop.model_copy(update=_bare("velocity") | {"velocity_window_samples": count})
+        for count in range(2, _WIDEST + 1)
+    ]
+    best = min(windows, key=lambda each: _unexplained(log, each, combinations))
+    stated, said = loop.velocity_window_samples, filter_of(loop, "velocity").hertz
+    told = f"{stated} samples" if stated else "no filter" if said is None else f"{said:.4g} Hz"
+    return _Variant(
+        words=f"velocity is taken over {best.velocity_window_samples} samples; the profile has "
+        f"{told}",
+        remedy=remedy,
+        loop=best,
+        material=best.velocity_window_samples != stated,
+    )
+
+
+def _unexplained(log: Log, loop: LoopProfile, combinations: Combinations) -> float:
+    """The least rms that a law leaves, N."""
+    columns = log.columns(loop)
+    if columns is None:
+        return np.inf
+    return min(fit_scaled(columns, effects).residual for effects in combinations.values())
 
 
 def _best_cutoff(residual: Callable[[float], float], highest: float) -> float:

@@ -518,7 +518,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
         (
             "sets that are certified",
-            "return elements == 0 || (low < MOMENTS && moments[low] == elements);",
+            "return elements == 0 || (low < COMBINATIONS && combinations[low] == elements);",
             "return 1;",
         ),
         (

@@ -76,7 +76,7 @@ def test_json_states_the_coefficients_of_the_poles(name: str) -> None:
     content = json.loads(export(profile, "json")["haptune_profile.json"])
     assert all(key in content["law"] for each in content["elements"].values() for key in each)
     assert content["digest"] == profile.digest
-    assert content["moments"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
+    assert content["combinations"] == [["wall"], ["cup"], ["rubber"], ["wall", "cup"]]
     sizes = {"stiffness": 500.0, "damping": 10.0, "mass": 0.0}
     played = {"one_sided": False, "force_level": 28.0, "speed": 0.2, "fade_time": 0.0}
     assert content["elements"]["wall"] == {**sizes, **played}

@@ -416,7 +416,7 @@ def test_the_command_says_what_to_play_and_lays_out_what_is_wrong(
     plan = haptune("verify", "profile.yaml", "--json")
     assert plan.code == 0
     (advice,) = json.loads(plan.out)["details"]["play"]
-    assert advice["play"]["moment"] == ["rubber"]
+    assert advice["play"]["combination"] == ["rubber"]
     assert haptune("verify", "profile.yaml", "--picture", "seen.png").code == 2
     unclear = haptune("verify", "profile.yaml", "unclear.csv")
     assert unclear.code == 4

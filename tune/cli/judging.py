@@ -545,7 +545,7 @@ def _advice_details(advice: Iterable[Advice]) -> list[dict[str, object]]:
         if each.play is None:
             return None
         told = asdict(each.play)
-        return {"moment": told.pop("elements"), **told}
+        return {"combination": told.pop("elements"), **told}
 
     return [{"to_verify": e.elements, "play": play(e), "why": e.why} for e in advice]
 
@@ -575,7 +575,7 @@ def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[
         "delay": allowed and allowed.delays,
         "longer_delays_not_looked_at": allowed is not None and allowed.open_ended,
         "margins": [
-            {"moment": each.elements, "lost_at": each.lost_at}
+            {"combination": each.elements, "lost_at": each.lost_at}
             for each in (seen.delay.kept, *others)
             if each is not None
         ],

@@ -172,7 +172,7 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
         "length": "rad" if profile.device.motion == "rotary" else "m",
         "force": unit_of_force(profile),
         "gain": f"{seal.gain:g}",
-        "moment_count": str(len(sets)),
+        "combination_count": str(len(sets)),
         "velocity_words": _words(loop, "velocity"),
         "velocity": _sections(loop, "velocity"),
         "acceleration_words": _words(loop, "acceleration"),
@@ -183,7 +183,7 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
         ),
         "known": f"0x{(1 << len(places)) - 1:x}",
         "walls": f"0x{_bits(profile.walls, places):x}",
-        "moments": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
+        "combinations": "".join(f"    UINT64_C(0x{each:x}),\n" for each in sets),
         "peak": _number(force_limit(profile).peak),
         **_axes(profile),
     }
@@ -315,7 +315,7 @@ class ExportedElement(TypedDict):
 class Exported(TypedDict):
     """A certified profile for programs of any kind.
 
-    ``moments`` are the sets of elements that may act at once, ``apart`` pairs that never do;
+    ``combinations`` are the sets of elements that may act at once, ``apart`` pairs that never do;
     ``taps`` are samples; ``law`` says how force comes of them.
     """
 
@@ -330,7 +330,7 @@ class Exported(TypedDict):
     acceleration: Filter
     force_limit: ExportedForceLimit
     elements: dict[str, ExportedElement]
-    moments: list[list[str]]
+    combinations: list[list[str]]
     apart: list[list[str]]
     taps: int
     largest_change: float
@@ -359,7 +359,7 @@ def _plain_files(profile: SafeProfile) -> dict[str, str]:
         "acceleration": _filter(profile.loop, "acceleration"),
         "force_limit": {"continuous": limit.continuous, "peak": limit.peak},
         "elements": {name: _element(each) for name, each in profile.elements.items()},
-        "moments": [list(names) for names in profile.combinations()],
+        "combinations": [list(names) for names in profile.combinations()],
         "apart": [list(pair) for pair in profile.apart],
         "taps": seal.longest_tap,
         "largest_change": largest_change(profile),
@@ -411,8 +411,9 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     head = (
         *heading(profile),
         "",
-        f"SI units. {law_in_words(profile)}. Moments are each element alone, any part of a group "
-        "of 'together', and each of these beside what is one_sided, but for the pairs of 'apart'.",
+        f"SI units. {law_in_words(profile)}. Combinations are each element alone, any part of a "
+        "group of 'together', and each of these beside what is one_sided, but for the pairs of "
+        "'apart'.",
     )
     body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
     comment = hash_comment(heading(profile))

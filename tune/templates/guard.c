@@ -32,7 +32,7 @@ ${heading}
 #endif
 
 #define COUNT ${count}u
-#define MOMENTS ${moment_count}u
+#define COMBINATIONS ${combination_count}u
 
 typedef struct {
     struct {
@@ -62,8 +62,8 @@ static const uint64_t known = UINT64_C(${known});
 static const uint64_t walls = UINT64_C(${walls});
 
 /* Every set that is certified, in rising order. */
-static const uint64_t moments[MOMENTS] = {
-${moments}};
+static const uint64_t combinations[COMBINATIONS] = {
+${combinations}};
 
 /* ${force}: the peak force of the actuator. */
 static const double peak_force = ${peak};
@@ -88,16 +88,16 @@ static uint64_t bit(unsigned index)
 
 static int certified(uint64_t elements)
 {
-    unsigned low = 0, high = MOMENTS;
+    unsigned low = 0, high = COMBINATIONS;
     while (low < high) {
         const unsigned middle = (low + high) / 2;
-        if (moments[middle] < elements) {
+        if (combinations[middle] < elements) {
             low = middle + 1;
         } else {
             high = middle;
         }
     }
-    return elements == 0 || (low < MOMENTS && moments[low] == elements);
+    return elements == 0 || (low < COMBINATIONS && combinations[low] == elements);
 }
 
 static int entered(const haptune_guard *guard, uint64_t elements)

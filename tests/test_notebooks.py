@@ -147,7 +147,7 @@ def test_a_hand_goes_along_the_walls_of_the_maze_and_through_its_door(tmp_path: 
     assert text.count("rooms: area 1, door, area 2") == 2
     depths = _numbers(" ".join(re.findall(r"leans ([\d.]+) mm", text)))
     assert depths[0] < 0.1 * depths[1]
-    assert max(_numbers(" ".join(re.findall(r"give ([\d.]+) N at most", text)))) <= 28.0
+    assert max(_numbers(" ".join(re.findall(r"feels ([\d.]+) N at most", text)))) <= 28.0
 
 
 @pytest.mark.long

@@ -134,8 +134,7 @@ def solve_separable(problem: Separable, start: FloatArray) -> Solution:
     """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough."""
     best = _with_slopes(problem, _linear(problem, np.clip(start, *problem.bounds)))
     for _ in range(_MOST_STEPS):
-        along = (best.slopes @ best.columns.T) @ best.inverse
-        move, gain = gauss_newton(best.slopes - along @ best.columns, best.residual, _ROUNDING)
+        move, gain = _step(best, problem.bounds)
         if gain <= _CONVERGED**2:
             return replace(best, converged=True)
         found = _improved(problem, best, move)
@@ -143,6 +142,22 @@ def solve_separable(problem: Separable, start: FloatArray) -> Solution:
             break
         best = _with_slopes(problem, found)
     return best
+
+
+def _step(best: Solution, bounds: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, float]:
+    """The step of Gauss and Newton and its gain, along the bounds that it would cross."""
+    low, high = bounds
+    along = (best.slopes @ best.columns.T) @ best.inverse
+    slopes = best.slopes - along @ best.columns
+    free, move = np.ones(low.size, dtype=np.bool_), np.zeros(low.size)
+    while free.any():
+        move[free], gain = gauss_newton(slopes[free], best.residual, _ROUNDING)
+        out = ((best.theta <= low) & (move < 0)) | ((best.theta >= high) & (move > 0))
+        if not out.any():
+            return move, gain
+        free &= ~out
+        move[out] = 0.0
+    return move, 0.0
 
 
 def _with_slopes(problem: Separable, found: Solution) -> Solution:

@@ -54,7 +54,10 @@ _SETTLED = 1e-2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Problem:
-    """Innovations of one log as a separable model in θ = (p, c1, c2) or (p, c1, c2, delay)."""
+    """Innovations of one log as a separable model in θ = (p, C(1), C(-1)), or with the delay.
+
+    C(z) = 1 + c1/z + c2/z²: in its values at z = ±1 two sides of Jury's triangle are bounds.
+    """
 
     drive: Drive  # inputs
     position: FloatArray  # about its mean, m, shape (n,)
@@ -63,12 +66,12 @@ class _Problem:
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        return self.drive.bounds((-2.0, 2.0), (-1.0, 1.0))
+        most = 4 * (1 - _INSIDE)
+        return self.drive.bounds((0.0, most), (0.0, most))
 
     def allowed(self, theta: FloatArray) -> bool:
-        """The moving average has a stable inverse (Jury's triangle)."""
-        first, second = theta[1:3]
-        return bool(second < 1 - _INSIDE and abs(first) < 1 + second + _INSIDE)
+        """The moving average has a stable inverse: the third side of Jury's triangle."""
+        return bool(_coefficients(theta)[1] < 1 - _INSIDE)
 
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         columns, target = self.rows(theta)
@@ -97,8 +100,9 @@ class _Problem:
         by_rate = self._scaled(device, slope) + scale_slope * misfit[self.known :]
         # The innovations change with c1 and c2 by minus their own past through 1/C.
         past = self._averaged(residual, theta)
-        slopes = [self.whitened(by_rate, theta), np.zeros_like(past), np.zeros_like(past)]
-        slopes[1][1:], slopes[2][2:] = past[:-1], past[:-2]
+        first, second = np.zeros((2, past.size))
+        first[1:], second[2:] = past[:-1], past[:-2]
+        slopes = [self.whitened(by_rate, theta), (second + first) / 2, (second - first) / 2]
         if self.drive.delay is None:
             later = _row(device, self.drive.slope_by_delay(device, self.drive.delay_of(theta)))
             slopes.append(self.whitened(weights[0] * self._scaled(device, later), theta))
@@ -113,12 +117,18 @@ class _Problem:
 
     def _averaged(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
         """Rows through 1/C."""
-        return recursive(rows, float(theta[1]), float(theta[2]))
+        return recursive(rows, *_coefficients(theta))
 
     def whitened(self, rows: FloatArray, theta: FloatArray) -> FloatArray:
         """Rows through 1/C and the shape."""
         averaged = self._averaged(rows, theta)
         return averaged if self.shape.size == 1 else causal(averaged, self.shape)
+
+
+def _coefficients(theta: FloatArray) -> tuple[float, float]:
+    """c1 and c2 of the moving average."""
+    ahead, back = float(theta[1]), float(theta[2])
+    return (ahead - back) / 2, (ahead + back) / 2 - 1
 
 
 def _earlier(of_intervals: FloatArray) -> FloatArray:
@@ -176,8 +186,9 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
         order = [*range(size), size + 2, size, size + 1, *range(size + 3, len(jacobian))]
         jacobian = jacobian[order]
     around = spread(jacobian, best.residual, size + fits_delay, signal=values[0] * jacobian[0])
+    first, second = _coefficients(best.theta)
     notes = [
-        f"moving average 1 {best.theta[1]:+.4f} {best.theta[2]:+.4f} "
+        f"moving average 1 {first:+.4f} {second:+.4f} "
         + ("" if problem.shape.size == 1 else "then whitened by the spectrum of the rest")
     ]
     notes += [] if best.converged else [UNSETTLED]
@@ -262,7 +273,7 @@ def _start(problem: _Problem, table: Regression, delay: float) -> FloatArray:
     rows = [each[..., :_BEGUN] for each in problem.rows(least)]
     for average in averages:
         theta = least.copy()
-        theta[1:3] = average
+        theta[1:3] = 1 + average[0] + average[1], 1 - average[0] + average[1]
         columns, target = (problem.whitened(each, theta) for each in rows)
         residual = target - solve(columns.T, target) @ columns
         trials.append((float(residual @ residual), theta))

@@ -130,6 +130,8 @@ _EDGE = 1e-6
 #: A limit that is named is met where the effect is larger by this part: how closely limits are met
 #: is the tuner's affair, that another one is named is found out.
 _GROWN = 0.1
+#: Limits that slack for a proof leaves room below.
+_MARGINS = {"gain-margin", "delay-margin", "stability"}
 #: Cells in which a proof that is easy is found.
 _FEW_CELLS = 20_000
 
@@ -413,16 +415,27 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
     """A limit that is said to bind, but leaves room for much more.
 
     What is stopped by the same limit in an element goes together: a proof of clamps that fails
-    takes all of the element back at once, and each alone may have room then.
+    takes all of the element back at once, and each alone may have room then. A margin is of a whole
+    combination: where a proof took some slack, each element alone may have more room than all.
     """
-    element = design.elements[name]
-    word = element.limited_by[effect]
-    alike = {each for each, other in element.limited_by.items() if word in {other, "saturation"}}
-    for effects in ({effect}, alike):
-        more = {each: getattr(element, each) * (1 + _GROWN) for each in effects}
-        elements = {**design.elements, name: element.model_copy(update=more)}
-        if _exceeds(design.model_copy(update={"elements": elements}), name, effect):
-            return
+    words = design.elements[name].limited_by
+    word = words[effect]
+
+    def exceeds(more: float, names: Iterable[str], effects: Iterable[EffectName]) -> bool:
+        elements = {**design.elements}
+        for each in names:
+            sizes = {e: getattr(elements[each], e) * (1 + more) for e in effects}
+            elements[each] = elements[each].model_copy(update=sizes)
+        return _exceeds(design.model_copy(update={"elements": elements}), name, effect)
+
+    if exceeds(_GROWN, [name], [effect]):
+        return
+    alike: list[EffectName] = [e for e, other in words.items() if word in {other, "saturation"}]
+    if exceeds(_GROWN, [name], alike):
+        return
+    together = word in _MARGINS and exceeds(_GROWN, design.elements, EFFECT_NAMES)
+    if together and exceeds(1.0, [name], [effect]):
+        return
     yield (
         f"{name}: {effect} is said to be limited by {word}, which would allow "
         f"{_GROWN:.0%} more of it"

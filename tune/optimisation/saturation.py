@@ -245,14 +245,18 @@ def _load_lapack() -> None:
 
 def _multiplier(
     weights: FloatArray, owners: list[tuple[int, int]], parts: Nonlinearities, *, grounded: bool
-) -> Multiplier:
+) -> Multiplier | None:
     """Weights as channels: rows were in units of each channel's own size.
 
-    Over the slope of the first clamp where nothing holds the position, else over the largest.
+    Over the slope of the first clamp where nothing holds the position, else over the largest; None
+    where that is nothing.
     """
     scaled = np.array([w * parts.sizes[i] for (i, _), w in zip(owners, weights, strict=True)])
     slope = sum(w * tap for (i, tap), w in zip(owners, scaled, strict=True) if i == 0)
-    scaled /= float(scaled.max()) if grounded else float(slope)
+    unit = float(scaled.max()) if grounded else float(slope)
+    if not unit > 0:
+        return None
+    scaled /= unit
     least = _NOTHING * float(scaled.max())
     channels: list[Channel] = []
     for index, name in enumerate(parts.names):

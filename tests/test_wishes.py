@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import load_device
+from identification import load_device, quantity
 from tests.commands import haptune
+from tests.unlimited import UNLIMITED
 from tune import NoFeasibleEffectError, SafeProfile, Scene, optimise
 
 #: Written values have six digits; of cut-offs that do nearly as well the least filtering is taken.
@@ -166,3 +167,35 @@ def test_ten_elements_are_tuned_together() -> None:
     profile = _tuned(elements, together=[list(elements)], loop=FILTERS)
     assert [each.damping for each in profile.elements.values()] == [5.0 + k for k in range(10)]
     assert len(profile.combinations()) == 1023
+
+
+def test_what_no_fade_keeps_from_being_pumped_is_left_out_and_the_rest_tuned() -> None:
+    """A light device with next to no damping, whose wall takes the cup's mass about."""
+    light = {"mass": (0.0639, 2e-4), "damping": (0.019, 0.025), "sample_time": (5e-4, 0.0)}
+    device = load_device("homerehab").model_copy(
+        update={
+            **{
+                name: quantity(v, v * (1 - part), v * (1 + part))
+                for name, (v, part) in light.items()
+            },
+            **{name: quantity(0.0) for name in ("delay", "coulomb_friction", "force_offset")},
+            **UNLIMITED,
+        }
+    )
+    cup = {"cup": {"mass": "max"}}
+    scene: dict[str, Any] = {
+        "elements": {"wall": {"stiffness": "max", "damping": "max"}, **cup},
+        "together": [["wall", "cup"]],
+        "margin": "firm",
+        "loop": {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 40.0},
+        "ripple_limit": 1e6,
+    }
+    profile = optimise(device, Scene.model_validate(scene))
+    assert profile.elements["wall"].stiffness > 4000
+    assert profile.elements["cup"].mass == 0
+    (note,) = profile.notes
+    assert note.startswith("cup.mass dropped: however slowly it fades, a hand that enters")
+    assert "keep it apart" in note
+    apart = optimise(device, Scene.model_validate({**scene, "together": []}))
+    assert apart.elements["wall"].stiffness > 4000
+    assert apart.elements["cup"].mass > 0.01

@@ -13,6 +13,7 @@ is up to twice too wide, and CR2 it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
@@ -130,11 +131,15 @@ class Solution:
         return float(self.residual @ self.residual)
 
 
-def solve_separable(problem: Separable, start: FloatArray) -> Solution:
-    """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough."""
+def solve_separable(problem: Separable, start: FloatArray, noise: Sequence[int] = ()) -> Solution:
+    """Minimise ‖y - Xᵀ(θ)·w‖² over θ and w, from a start that may be rough.
+
+    Places in θ that are of the noise go along their bounds. What else presses against one tells
+    that the model is wrong: the search does not settle there.
+    """
     best = _with_slopes(problem, _linear(problem, np.clip(start, *problem.bounds)))
     for _ in range(_MOST_STEPS):
-        move, gain = _step(best, problem.bounds)
+        move, gain = _step(best, problem.bounds, noise)
         if gain <= _CONVERGED**2:
             return replace(best, converged=True)
         found = _improved(problem, best, move)
@@ -144,20 +149,22 @@ def solve_separable(problem: Separable, start: FloatArray) -> Solution:
     return best
 
 
-def _step(best: Solution, bounds: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, float]:
-    """The step of Gauss and Newton and its gain, along the bounds that it would cross."""
+def _step(
+    best: Solution, bounds: tuple[FloatArray, FloatArray], noise: Sequence[int]
+) -> tuple[FloatArray, float]:
+    """The step of Gauss and Newton and its gain, along bounds of the noise that it would cross."""
     low, high = bounds
     along = (best.slopes @ best.columns.T) @ best.inverse
     slopes = best.slopes - along @ best.columns
     free, move = np.ones(low.size, dtype=np.bool_), np.zeros(low.size)
-    while free.any():
+    while True:
         move[free], gain = gauss_newton(slopes[free], best.residual, _ROUNDING)
         out = ((best.theta <= low) & (move < 0)) | ((best.theta >= high) & (move > 0))
+        out &= np.isin(np.arange(low.size), noise)
         if not out.any():
             return move, gain
         free &= ~out
         move[out] = 0.0
-    return move, 0.0
 
 
 def _with_slopes(problem: Separable, found: Solution) -> Solution:

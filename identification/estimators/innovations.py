@@ -41,6 +41,8 @@ FloatArray = NDArray[np.float64]
 _CORNERS = (0.3, 0.1, 0.03, 0.01, 0.003)
 #: Rows, the first of a log, that tell the best of them.
 _BEGUN = 1 << 13
+#: Places of the moving average in θ.
+_NOISE = (1, 2)
 #: Coefficients stay this far inside of what has a stable inverse.
 _INSIDE = 1e-6
 #: Times the filter for what is left coloured is made anew.
@@ -222,13 +224,13 @@ def _found(table: Regression, delay: float, *, fits_delay: bool) -> tuple[_Probl
         known=table.known,
         shape=np.ones(1),
     )
-    best = solve_separable(problem, _start(problem, table, delay))
+    best = solve_separable(problem, _start(problem, table, delay), _NOISE)
     for _ in range(_ROUNDS):
         if not is_coloured(best.residual, either_side=True):
             break
         rows, target = replace(problem, shape=np.ones(1)).at(best.theta)
         problem = replace(problem, shape=whitener(target - best.weights @ rows))
-        best = solve_separable(problem, best.theta)
+        best = solve_separable(problem, best.theta, _NOISE)
     return problem, best
 
 
@@ -259,7 +261,7 @@ def _choice_shift(table: Regression, problem: _Problem, best: Solution, delay: f
         return np.zeros(len(model.parameters))
     wider = table.at_cut_off(CUT_OFF_RANGE * table.cut_off.frequency).refined(delay)
     other = replace(problem, drive=Drive.of(table.with_motion(wider.motion), problem.drive.delay))
-    values, _ = physical(solve_separable(other, best.theta), len(model.parameters))
+    values, _ = physical(solve_separable(other, best.theta, _NOISE), len(model.parameters))
     return (values - physical(best, len(model.parameters))[0]) / 2
 
 

@@ -50,6 +50,7 @@ from tune.documents.scene import (
 from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import choose_filters
 from tune.optimisation.describe import (
+    NoFadeError,
     SizedCombination,
     combination_margins,
     element_profile,
@@ -62,7 +63,7 @@ from tune.optimisation.describe import (
 from tune.optimisation.nash import SAME, Solution
 from tune.optimisation.problem import DesignTask
 from tune.optimisation.region import PlantPoint
-from tune.optimisation.solve import CutoffObjective, groups, solve, worth_of
+from tune.optimisation.solve import CutoffObjective, groups, keep_promises, solve, worth_of
 
 if TYPE_CHECKING:
     from tune.optimisation.saturation import AllFound
@@ -86,6 +87,12 @@ _RECOMMENDED: MarginName = "balanced"
 #: What may be favoured.
 Favour = Literal["stiffness", "mass"]
 _Content = dict[str, object]
+#: Why what fades in an element is left out.
+_PUMPED = (
+    "however slowly it fades, a hand that enters and leaves it in time could pump the device. Give "
+    "its spring an element of its own, felt together with it, ask for damping in the same element "
+    "or for less mass, or keep it apart from what it meets"
+)
 
 
 def optimise(
@@ -134,7 +141,13 @@ def _certified(filters: Filters, solved: _Solved, say: Progress) -> SafeProfile:
     Raises CheckFailedError where that does not help.
     """
     for attempt in range(_MOST_ATTEMPTS + 1):
-        task, design, witnesses = _proposed(filters, solved)
+        while True:
+            try:
+                task, design, witnesses = _proposed(filters, solved)
+                break
+            except NoFadeError as error:
+                say(f"{error.element} could be pumped however slowly it fades")
+                solved = _solved(_without_fade(solved, error.element), filters, say)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
@@ -210,6 +223,23 @@ def _proposed(
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
     return task, as_stored(design), witnesses_of(task, solutions)
+
+
+def _without_fade(solved: _Solved, element: str) -> DesignTask:
+    """The task without what fades in an element: mass, and what is taken from the device."""
+    task, solutions = solved
+    (own,) = (
+        each
+        for each in solutions
+        if any(u.element == element and not u.settled for u in each.problem.unknowns)
+    )
+    fading = {
+        label: _PUMPED
+        for label, size in own.by_label().items()
+        if label.rpartition(".")[0] == element and (label.endswith(".mass") or size < 0)
+    }
+    left = keep_promises(own.problem, fading)
+    return replace(task, left_out=(*task.left_out, *left.items()))
 
 
 def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from identification import Box, Device, Finding, InvalidInputError, round_to_digits
 from tune.certificate.certify import note_of_dropped, note_of_unmet
-from tune.documents import NoFeasibleEffectError
 from tune.documents.perception import Scale
 from tune.documents.profile import (
     MOST_EXTRA_DELAY,
@@ -369,6 +368,14 @@ def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Litera
     return bool(region.box.damping[0] > needed)
 
 
+class NoFadeError(Exception):
+    """However slowly an element fades, a hand could pump the device. Attributes: element."""
+
+    def __init__(self, element: str) -> None:
+        self.element = element
+        super().__init__(element)
+
+
 def with_fades(design: Design, scene: Scene) -> Design:
     """The design with the fade time of every element that fades, so slow that no hand pumps.
 
@@ -378,7 +385,7 @@ def with_fades(design: Design, scene: Scene) -> Design:
 
     Raises:
         InvalidInputError: the scene asks for a shorter time.
-        NoFeasibleEffectError: no fade is slow enough.
+        NoFadeError: no fade is slow enough.
     """
     needed = {name: SHORTEST_FADE for name, element in design.elements.items() if element.fades}
     # While a wall pushes no level moves.
@@ -400,12 +407,7 @@ def with_fades(design: Design, scene: Scene) -> Design:
 def _stated(name: str, least: float, wanted: float | None) -> float:
     """The fade time of an element that must fade over a least time, s."""
     if least > LONGEST_FADE:
-        why = (
-            f"{name}: a hand that enters and leaves it in time could pump the device however "
-            "slowly it fades. Give its spring an element of its own, felt together with it, or "
-            "ask for damping in the same element, or for less mass"
-        )
-        raise NoFeasibleEffectError((why,))
+        raise NoFadeError(name)
     if wanted is not None and wanted < least:
         raise InvalidInputError(
             f"elements.{name}.fade_time",

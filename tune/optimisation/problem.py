@@ -153,6 +153,7 @@ class DesignTask:
         slack: part of the margin that is kept on top of it.
         favour: an effect whose steps count more in the product; None for none.
         apart: pairs that could not be kept together, beside those of the scene.
+        left_out: effects by label, "element.effect", that are not looked for, with the reason.
     """
 
     device: Device
@@ -162,6 +163,7 @@ class DesignTask:
     slack: float = 0.0
     favour: EffectName | None = None
     apart: tuple[tuple[str, str], ...] = ()
+    left_out: tuple[tuple[str, str], ...] = ()
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
     )
@@ -184,6 +186,10 @@ class DesignTask:
         first, second = sorted(pair, key=order.index)
         scene = self.scene.model_copy(update={"apart": (*self.scene.apart, (first, second))})
         return replace(self, scene=scene, apart=(*self.apart, (first, second)))
+
+    def left_out_of(self, elements: Sequence[str]) -> dict[str, str]:
+        """What is left out of some elements, by label, with the reason."""
+        return {at: why for at, why in self.left_out if at.rpartition(".")[0] in elements}
 
     def loops(self, filters: Filters) -> Loops:
         """The loops with these filters at all corners, to the margin's extra delay."""

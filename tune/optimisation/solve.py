@@ -158,7 +158,7 @@ def _solved(
             room=room,
             choosing=not room,
             second_opinion=second_opinion,
-            gone=gone,
+            gone=task.left_out_of(elements) if gone is None else gone,
         )
 
     problem, optimum, dropped = tuned(0.0)
@@ -177,7 +177,7 @@ def _solved(
             own = [u for u in problem.unknowns if not u.settled]
             label = min(own, key=lambda u: u.effect != "stiffness").label
             why = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
-            left = dropped | _keep_promises(problem, {label: why})
+            left = dropped | keep_promises(problem, {label: why})
             return _solved(
                 task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
             )
@@ -297,7 +297,7 @@ def optimum_of(
     solvers, dropped = backends(second_opinion=second_opinion), dict(gone or {})
     problem = problem_without(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
-        dropped |= _keep_promises(problem, impossible)
+        dropped |= keep_promises(problem, impossible)
         problem = problem_without(frozenset(dropped))
     asked = [f"{e}.{effect}" for e in elements for effect in task.scene.elements[e].wishes()]
     own = {unknown.label for unknown in problem.unknowns if not unknown.settled}
@@ -380,7 +380,7 @@ def backends(*, second_opinion: bool = True) -> list[Backend]:
     return [Slsqp(), Ipopt()] if second_opinion else [Slsqp(_ROUGHLY)]
 
 
-def _keep_promises(problem: Problem, reasons: Mapping[str, str]) -> dict[str, str]:
+def keep_promises(problem: Problem, reasons: Mapping[str, str]) -> dict[str, str]:
     """Reasons by label, with all of an element that misses its range, which is a promise."""
     found = dict(reasons)
     for unknown in problem.unknowns:
@@ -415,9 +415,9 @@ def _broken_ranges(
     broken = [n for n in whole if not feasible(promised[n]) and not feasible(whole[n])]
     alone = "no setting keeps it, not even without the other elements"
     if broken:
-        return _keep_promises(problem, {u.label: alone for u in ranges if u.element in broken})
+        return keep_promises(problem, {u.label: alone for u in ranges if u.element in broken})
     beside = "no setting keeps it together with the other effects"
-    found = _keep_promises(problem, {u.label: beside for u in ranges})
+    found = keep_promises(problem, {u.label: beside for u in ranges})
     raise NoFeasibleEffectError(tuple(f"{u.label}: {found[u.label]}" for u in ranges))
 
 

@@ -334,6 +334,31 @@ FAULTS: tuple[Fault, ...] = (
         ("net damping with the latest delay", "design.margin.extra_delay_samples + 0.5", "0.5"),
     ),
     *_of(
+        "tune/verification/measured_law.py",
+        "tests/test_verify.py",
+        (
+            "a window run instead of a filter",
+            "yield _other_window(log, loop, combinations, run)",
+            "pass",
+        ),
+    ),
+    *_of(
+        "tune/optimisation/describe.py",
+        "tests/test_wishes.py -k pumped",
+        ("no fade is slow enough", "if least > LONGEST_FADE:", "if least > 9e9:"),
+    ),
+    *_of(
+        "tune/rendering.py",
+        "tests/test_rendering.py -k shakes",
+        ("what is felt of a window", "-turn * (window * sample_time)", "-turn * sample_time"),
+        ("what is felt of a current lag", "(1 + turn * current_lag)", "(1 - turn * current_lag)"),
+    ),
+    *_of(
+        "identification/estimators/innovations.py",
+        "tests/test_auto.py tests/test_choice.py -k 'settle or gets_its_method'",
+        ("what presses against its bound", "_NOISE = (1, 2)", "_NOISE = (0, 1, 2, 3)"),
+    ),
+    *_of(
         "tune/certificate/time_domain.py",
         f"{_EDGES} -k told",
         ("jitter that is less", "if said > 0 and not shrinks", "if said < 0 and not shrinks"),

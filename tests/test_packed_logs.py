@@ -74,6 +74,13 @@ def test_missing_values_are_refused_with_their_place(
         load_trajectory(write(tmp_path, force=force))
 
 
+@pytest.mark.parametrize("role", ["time", "force"])
+def test_a_column_of_words_is_refused_with_what_to_store(tmp_path: Path, role: str) -> None:
+    told = refusal(parquet(tmp_path, **{role: ["one"] * len(TIME)}))
+    assert f"column '{role}' is of type String, no real numbers" in told
+    assert ("one number in each row, in seconds" in told) == (role == "time")
+
+
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
 @pytest.mark.parametrize("kind", ["Datetime", "Duration"])
 def test_moments_carry_their_unit(tmp_path: Path, unit: str, kind: str) -> None:

@@ -141,13 +141,7 @@ def _certified(filters: Filters, solved: _Solved, say: Progress) -> SafeProfile:
     Raises CheckFailedError where that does not help.
     """
     for attempt in range(_MOST_ATTEMPTS + 1):
-        while True:
-            try:
-                task, design, witnesses = _proposed(filters, solved)
-                break
-            except NoFadeError as error:
-                say(f"{error.element} could be pumped however slowly it fades")
-                solved = _solved(_without_fade(solved, error.element), filters, say)
+        task, design, witnesses = _proposed(filters, solved, say)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
@@ -213,15 +207,22 @@ def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
 
 
 def _proposed(
-    filters: Filters, solved: _Solved
+    filters: Filters, solved: _Solved, say: Progress
 ) -> tuple[DesignTask, Design, dict[str, AbsoluteStability]]:
-    """The largest effects of every group as a design, and what proves its clamps, as stored."""
+    """The largest effects of every group as a design, and what proves its clamps, as stored.
+
+    What no fade keeps from being pumped is left out, and the rest tuned once more.
+    """
     task, solutions = solved
     reasons = {label: why for solved in solutions for label, why in solved.dropped.items()}
     dropped = with_what_is_felt(task, filters, reasons)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
-    design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
+    try:
+        design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
+    except NoFadeError as error:
+        say(f"{error.element} could be pumped however slowly it fades")
+        return _proposed(filters, _solved(_without_fade(solved, error.element), filters, say), say)
     return task, as_stored(design), witnesses_of(task, solutions)
 
 

@@ -44,8 +44,6 @@ FloatArray = NDArray[np.float64]
 
 #: Steps that are not worth a number.
 _NOTHING = 1e-3
-
-
 #: Significant digits of a written effect; what is lost is 1e-5 at most.
 _DIGITS = 6
 #: Parts by which sizes that are a little beyond are taken back.
@@ -158,7 +156,7 @@ def _solved(
             room=room,
             choosing=not room,
             second_opinion=second_opinion,
-            gone=task.left_out_of(elements) if gone is None else gone,
+            gone=gone,
         )
 
     problem, optimum, dropped = tuned(0.0)
@@ -280,8 +278,9 @@ def optimum_of(
 
     Beside the choices of `problem_of`, ``known`` gives sizes of all effects of a problem to begin
     with, allowed as far as doubles tell, where there are some, and corners that bound them. What is
-    ``gone`` is left out, with the reason. Where effects that are possible alone are not so
-    together, it is chosen which are kept; without ``choosing`` the optimum has no sizes there.
+    ``gone`` is left out, with the reason, as is what the task leaves out. Where effects that are
+    possible alone are not so together, it is chosen which are kept; without ``choosing`` the
+    optimum has no sizes there.
 
     Raises:
         NoFeasibleEffectError: a range cannot be met.
@@ -294,7 +293,8 @@ def optimum_of(
             task, elements=elements, filters=filters, gone=gone, cut=cut, settled=settled, room=room
         )
 
-    solvers, dropped = backends(second_opinion=second_opinion), dict(gone or {})
+    left = task.left_out_of(elements) | dict(gone or {})
+    solvers, dropped = backends(second_opinion=second_opinion), dict(left)
     problem = problem_without(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
         dropped |= keep_promises(problem, impossible)
@@ -304,7 +304,7 @@ def optimum_of(
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
         return problem, None, dropped
-    whole = len(dropped) == len(gone or {})
+    whole = len(dropped) == len(left)
     begin = known(problem) if whole and known is not None else ((), ())
     found = largest_product(problem, solvers, *begin)
     if found.sizes is not None or not choosing:

@@ -422,7 +422,7 @@ def _other_filters(
 ) -> Iterator[_Variant]:
     """Other cut-offs and orders of one estimate."""
     mine, stated, order = filter_of(loop, name)
-    own = mine, order
+    own, told = (mine, order), _stated(loop, name)
     for kind, order in dict.fromkeys([own, ("low-pass", 1), ("low-pass", 2)]):
 
         def with_cutoff(hertz: float, kind: str = kind, order: int = order) -> LoopProfile:
@@ -433,7 +433,6 @@ def _other_filters(
         hertz = _best_cutoff(
             lambda f: _unexplained(log, with_cutoff(f), combinations), _HIGHEST / loop.sample_time
         )
-        told = "no filter" if stated is None else f"{stated:.4g} Hz"
         other = "" if (kind, order) == own else f" and order {order} instead of {own[1]}"
         yield _Variant(
             words=f"{name} is filtered at {hertz:.4g} Hz{other}; the profile has {told}",
@@ -452,15 +451,21 @@ def _other_window(log: Log, loop: LoopProfile, combinations: Combinations, remed
         for count in range(2, _WIDEST + 1)
     ]
     best = min(windows, key=lambda each: _unexplained(log, each, combinations))
-    stated, said = loop.velocity_window_samples, filter_of(loop, "velocity").hertz
-    told = f"{stated} samples" if stated else "no filter" if said is None else f"{said:.4g} Hz"
     return _Variant(
         words=f"velocity is taken over {best.velocity_window_samples} samples; the profile has "
-        f"{told}",
+        f"{_stated(loop, 'velocity')}",
         remedy=remedy,
         loop=best,
-        material=best.velocity_window_samples != stated,
+        material=best.velocity_window_samples != loop.velocity_window_samples,
     )
+
+
+def _stated(loop: LoopProfile, name: Derivative) -> str:
+    """What the profile has for an estimate, in words."""
+    if name == "velocity" and loop.velocity_window_samples is not None:
+        return f"a window of {loop.velocity_window_samples} samples"
+    hertz = filter_of(loop, name).hertz
+    return "no filter" if hertz is None else f"{hertz:.4g} Hz"
 
 
 def _unexplained(log: Log, loop: LoopProfile, combinations: Combinations) -> float:

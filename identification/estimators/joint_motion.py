@@ -8,6 +8,7 @@ which both matrices are diagonal (Golub and Van Loan, Matrix Computations, 4th e
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,11 +24,13 @@ Indices = NDArray[np.intp]
 _MOST_EVENTS = 12
 #: Newton steps to an instant of rest; the velocity is all but linear in time over a sample.
 _NEWTON_STEPS = 3
+#: A step this part of what is left of the sample is the last.
+_FINE = 1e-8
 #: Below this the series for the response of a device ends before the last bit.
 _SMALL = 0.01
 #: A delay this part of a sample beyond whole ones is whole.
 _WHOLE = 1e-9
-#: Samples stepped before it is looked whether anything turned.
+#: Samples stepped at once, after which it is looked whether anything turned.
 _BLOCK = 16
 
 
@@ -60,16 +63,24 @@ class _Pattern:
     rates: FloatArray  # (devices, free)
     shapes: FloatArray  # V with VᵀΛV = 1 and VᵀDV = diag(rates), (devices, free, free)
     back: FloatArray  # VᵀΛ
+    light: FloatArray  # Λ⁻¹ of what moves, zero of what stands, (devices, axes, axes)
+    slow: FloatArray  # Λ⁻¹D likewise
 
     @classmethod
     def of(cls, devices: DevicesOfAxes, free: Indices) -> _Pattern:
-        mass, damping = (
-            each[:, free[:, None], free[None, :]] for each in (devices.mass, devices.damping)
-        )
+        square = (slice(None), free[:, None], free)
+        mass, damping = devices.mass[square], devices.damping[square]
         inverse = np.linalg.inv(np.linalg.cholesky(mass))
         rates, turned = np.linalg.eigh(inverse @ damping @ np.swapaxes(inverse, 1, 2))
         shapes = np.asarray(np.swapaxes(inverse, 1, 2) @ turned, dtype=np.float64)
-        return cls(free, rates, shapes, np.swapaxes(shapes, 1, 2) @ mass)
+        light, slow = np.zeros_like(devices.mass), np.zeros_like(devices.mass)
+        light[square] = shapes @ np.swapaxes(shapes, 1, 2)
+        slow[square] = light[square] @ damping
+        return cls(free, rates, shapes, np.swapaxes(shapes, 1, 2) @ mass, light, slow)
+
+    def bend(self, which: Indices | slice, speed: FloatArray, pull: FloatArray) -> FloatArray:
+        """Acceleration of all axes, shape (which, axes)."""
+        return _times(self.light[which], pull) - _times(self.slow[which], speed)
 
     def moved(
         self, which: Indices | slice, speed: FloatArray, pull: FloatArray, span: FloatArray
@@ -110,6 +121,7 @@ class _Run:
     step: float
     first: int
     patterns: dict[bytes, _Pattern] = field(default_factory=dict[bytes, _Pattern])
+    blocks: dict[bytes, _Block] = field(default_factory=dict[bytes, "_Block"])
     grip: FloatArray = field(init=False)
     rough: NDArray[np.bool_] = field(init=False)
 
@@ -130,13 +142,12 @@ class _Run:
         whole = np.floor(devices.delay / step + _WHOLE).astype(np.intp)
         late = np.maximum(devices.delay - whole * step, 0.0)
         late = np.where(late < _WHOLE * step, 0.0, late)
-        spans = [(late, whole + 1)] if late.any() else []
-        spans.append((step - late, whole))
-        pulls = [
-            self.force[np.maximum(np.arange(samples)[:, None] - ago, 0)] - devices.offset
-            for _, ago in spans
-        ]
-        maps = _Maps.of([self._maps(span) for span, _ in spans])
+        parts = [(late, whole + 1)] if late.any() else []
+        parts.append((step - late, whole))
+        spans = [span for span, _ in parts]
+        # One part of a sample after another, shape (devices, samples, parts, axes).
+        sent = np.arange(samples)[:, None] - np.stack([ago for _, ago in parts], axis=1)[:, None]
+        pulls = self.force[np.maximum(sent, 0)] - devices.offset[:, None, None]
         place, speed = devices.place.copy(), devices.speed.copy()
         # What rests is stuck until a force breaks it away.
         sense = np.where(self.rough, np.sign(speed), 0.0)
@@ -144,34 +155,29 @@ class _Run:
         found[: self.first + 1] = place
         k = self.first
         while k < samples - 1:
-            if not np.any(self.rough & (sense == 0)):
-                rows = slice(k, min(k + _BLOCK, samples - 1))
-                pushes = [pull[rows] - self.grip * sense for pull in pulls]
-                places, speeds = maps.run(place, speed, pushes)
-                turned = np.any(speeds * sense < 0, axis=(1, 2))
-                done = int(np.argmax(turned)) if turned.any() else len(turned)
-                found[k + 1 : k + 1 + done] = places[:done]
-                if done:
-                    place, speed, k = places[done - 1], speeds[done - 1], k + done
+            moving = self._moving(sense)
+            if np.all(moving == moving[0]):
+                ahead = pulls[:, k : min(k + _BLOCK, samples - 1)]
+                places, speeds = self._block(moving[0], spans).run(speed, sense, ahead, self.grip)
+                if done := places.shape[1]:
+                    found[k + 1 : k + 1 + done] = np.swapaxes(place[:, None] + places, 0, 1)
+                    place, speed, k = found[k + done], speeds, k + done
                     continue
-            for (span, _), pull in zip(spans, pulls, strict=True):
-                place, speed, sense = self._through(place, speed, sense, pull[k], span)
+            for part, span in enumerate(spans):
+                place, speed, sense = self._through(place, speed, sense, pulls[:, k, part], span)
             k += 1
             found[k] = place
         return found
 
-    def _maps(self, span: FloatArray) -> FloatArray:
-        """Speed by speed, by force, distance by speed, by force, (4, devices, axes, axes)."""
-        count, axes = self.devices.offset.shape
-        nothing = np.zeros((count, axes))
-        pattern = self._pattern(np.ones(axes) > 0)
-        parts = np.empty((4, count, axes, axes))
-        for axis in range(axes):
-            unit = np.broadcast_to(np.eye(axes)[axis], (count, axes))
-            for row, (speed, pull) in enumerate(((unit, nothing), (nothing, unit))):
-                gone, now, _ = pattern.moved(slice(None), speed, pull, span)
-                parts[row, :, :, axis], parts[2 + row, :, :, axis] = now, gone
-        return parts
+    def _moving(self, sense: FloatArray) -> NDArray[Any]:
+        """Which axes move; without friction all do."""
+        return ~(self.rough & (sense == 0))
+
+    def _block(self, moving: NDArray[Any], spans: list[FloatArray]) -> _Block:
+        key = moving.tobytes()
+        if key not in self.blocks:
+            self.blocks[key] = _Block.of(self.devices, self._pattern(moving), spans)
+        return self.blocks[key]
 
     def _through(
         self,
@@ -212,22 +218,31 @@ class _Run:
         """Force that friction has to give each axis for this acceleration, N."""
         return pull - _times(self.devices.mass, bend) - _times(self.devices.damping, speed)
 
+    def _bend(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
+        """Acceleration of all axes, (devices, axes)."""
+        push, found = pull - self.grip * sense, np.empty_like(speed)
+        for which, pattern in self._kinds(sense):
+            found[which] = pattern.bend(which, speed[which], push[which])
+        return found
+
     def _moved(
         self, speed: FloatArray, sense: FloatArray, pull: FloatArray, span: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Distance, speed and acceleration after a span in which nothing turns or breaks away."""
-        moving: NDArray[Any] = ~(self.rough & (sense == 0))
-        push = pull - self.grip * sense
-        codes: Indices = moving @ (1 << np.arange(moving.shape[1], dtype=np.intp))
-        kinds = np.flatnonzero(np.bincount(codes))
-        if kinds.size == 1:
-            return self._pattern(moving[0]).moved(slice(None), speed, push, span)
-        found = np.empty((3, *speed.shape))
-        for kind in kinds:
-            which = np.flatnonzero(codes == kind)
-            pattern = self._pattern(moving[which[0]])
+        push, found = pull - self.grip * sense, np.empty((3, *speed.shape))
+        for which, pattern in self._kinds(sense):
             found[:, which] = pattern.moved(which, speed[which], push[which], span[which])
         return found[0], found[1], found[2]
+
+    def _kinds(self, sense: FloatArray) -> Iterator[tuple[Indices | slice, _Pattern]]:
+        """Devices by which of their axes move."""
+        moving = self._moving(sense)
+        if np.all(moving == moving[0]):
+            yield slice(None), self._pattern(moving[0])
+            return
+        kinds, of_which = np.unique(moving, axis=0, return_inverse=True)
+        for row, kind in enumerate(kinds):
+            yield np.flatnonzero(of_which == row), self._pattern(kind)
 
     def _break_away(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
         """Give what friction cannot hold any longer its sense, the most pulled axis first.
@@ -239,8 +254,7 @@ class _Run:
             stuck = self.rough & (sense == 0)
             if not stuck.any():
                 break
-            _, _, bend = self._moved(speed, sense, pull, np.zeros(len(speed)))
-            needed = self._needed(speed, bend, pull)
+            needed = self._needed(speed, self._bend(speed, sense, pull), pull)
             excess = np.where(stuck, np.abs(needed) - self.grip, 0.0)
             axis = np.argmax(excess, axis=1)
             free = np.flatnonzero(excess[np.arange(len(axis)), axis] > 0)
@@ -271,47 +285,82 @@ class _Run:
                 _, now, bend = self._moved(speed, sense, pull, span)
                 slope = bend[some, axis]
                 slope = np.where(slope == 0, np.inf, slope)
-                time = np.clip(time - now[some, axis] / slope, 0.0, left[some])
+                before, time = time, np.clip(time - now[some, axis] / slope, 0.0, left[some])
+                if np.all(np.abs(time - before) <= _FINE * left[some]):
+                    break  # the next step would be as small as the square of this one
             instant[some, axis] = time
         return instant
 
 
 @dataclass(frozen=True, slots=True)
-class _Maps:
-    """All parts of a sample as one linear map."""
+class _Block:
+    """Some samples as one linear map, while no axis turns, comes to rest or breaks away."""
 
-    keep: FloatArray  # speed by speed before, (devices, axes, axes)
-    gone: FloatArray  # distance by speed before
-    faster: tuple[FloatArray, ...]  # speed by the force of each part
-    further: tuple[FloatArray, ...]  # distance by the force of each part
+    parts: int  # of a sample
+    #: (speeds, distances) after each part by (start speed, forces of the parts), shape (devices, 2,
+    #: steps·axes, axes + steps·axes)
+    maps: FloatArray
+    stuck: Indices
+    pushed: FloatArray  # what holds all axes by the forces of a part, (devices, axes, axes)
+    slowed: FloatArray  # ... and by the speeds
 
     @classmethod
-    def of(cls, parts: list[FloatArray]) -> _Maps:
-        """From speed by speed and force and distance by both, of each part."""
-        first = parts[0]
-        if len(parts) == 1:
-            return cls(first[0], first[2], (first[1],), (first[3],))
-        last = parts[1]
+    def of(cls, devices: DevicesOfAxes, pattern: _Pattern, spans: list[FloatArray]) -> _Block:
+        """Of the axes of a pattern, for samples of these parts, s, shape (devices,)."""
+        count, axes = devices.offset.shape
+        nothing = np.zeros((count, axes))
+        parts = np.empty((len(spans), 4, count, axes, axes))
+        for part, span in zip(parts, spans, strict=True):
+            for axis in range(axes):
+                unit = np.broadcast_to(np.eye(axes)[axis], (count, axes))
+                for row, (speed, pull) in enumerate(((unit, nothing), (nothing, unit))):
+                    gone, now, _ = pattern.moved(slice(None), speed, pull, span)
+                    part[row, :, :, axis], part[2 + row, :, :, axis] = now, gone
+        steps = _BLOCK * len(spans)
+        maps = np.zeros((count, 2, steps, axes, axes * (steps + 1)))
+        speed, place = np.zeros((2, count, axes, maps.shape[-1]))
+        speed[:, :, :axes] = np.eye(axes)
+        for step in range(steps):
+            keep, faster, gone, further = parts[step % len(spans)]
+            own = slice(axes * (step + 1), axes * (step + 2))
+            place, speed = place + gone @ speed, keep @ speed
+            place[:, :, own] += further
+            speed[:, :, own] += faster
+            maps[:, 0, step], maps[:, 1, step] = speed, place
         return cls(
-            last[0] @ first[0],
-            first[2] + last[2] @ first[0],
-            (last[0] @ first[1], last[1]),
-            (first[3] + last[2] @ first[1], last[3]),
+            parts=len(spans),
+            maps=maps.reshape(count, 2, steps * axes, -1),
+            stuck=np.array(
+                [axis for axis in range(axes) if axis not in pattern.free], dtype=np.intp
+            ),
+            pushed=np.eye(axes) - devices.mass @ pattern.light,
+            slowed=devices.mass @ pattern.slow - devices.damping,
         )
 
     def run(
-        self, place: FloatArray, speed: FloatArray, pushes: list[FloatArray]
+        self, speed: FloatArray, sense: FloatArray, pulls: FloatArray, grip: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Places and speeds after each of some samples, (samples, devices, axes) each."""
-        added, moved = np.zeros((2, *pushes[0].shape))
-        for faster, further, push in zip(self.faster, self.further, pushes, strict=True):
-            added += np.einsum("bij,kbj->kbi", faster, push)
-            moved += np.einsum("bij,kbj->kbi", further, push)
-        speeds = np.empty((pushes[0].shape[0] + 1, *speed.shape))
-        speeds[0] = speed
-        keep, column = self.keep, speed[:, :, None]
-        for row, each in enumerate(added.reshape(*added.shape, 1), start=1):
-            column = keep @ column + each
-            speeds[row] = column[:, :, 0]
-        steps = np.einsum("bij,kbj->kbi", self.gone, speeds[:-1]) + moved
-        return place + np.cumsum(steps, axis=0), speeds[1:]
+        """Distances after each sample, (devices, samples, axes), and the speed after the last.
+
+        Of as many samples as nothing happens in, which may be none. Pulls have shape (devices,
+        samples, parts, axes).
+        """
+        count, samples, parts, axes = pulls.shape
+        steps = samples * parts
+        pushes = (pulls - (grip * sense)[:, None, None]).reshape(count, steps, axes)
+        given = np.concatenate((speed[:, None], pushes), axis=1).reshape(count, 1, -1, 1)
+        maps = self.maps[:, :, : steps * axes, : given.shape[2]]
+        found = (maps @ given).reshape(count, 2, steps, axes)
+        speeds, places = found[:, 0], found[:, 1]
+        ends = (speeds * sense[:, None] < 0).any(axis=(0, 2))
+        if self.stuck.size:
+            before = np.concatenate((speed[:, None], speeds[:, :-1]), axis=1)
+            for each in (before, speeds):
+                held = pushes @ np.swapaxes(self.pushed, 1, 2) + each @ np.swapaxes(
+                    self.slowed, 1, 2
+                )
+                loose = np.abs(held[..., self.stuck]) > grip[:, None, self.stuck]
+                ends |= loose.any(axis=(0, 2))
+        done = int(np.argmax(ends)) // parts if ends.any() else samples
+        last = done * parts
+        return places[:, parts - 1 : last : parts], speeds[:, last - 1] if done else speed

@@ -216,6 +216,26 @@ def test_devices_by_effects_are_answered_like_each_alone_to_the_last_digit(kind:
         np.testing.assert_array_equal(alone, [each[row, column] for each in many])
 
 
+def test_many_effects_on_one_device_are_judged_as_in_ball_arithmetic() -> None:
+    """20 000 points in blocks, every 400th of them alone in 360 digits."""
+    case = Case(
+        mass=3.0,
+        damping=10.0,
+        sample_time=1e-3,
+        delay_samples=1.3,
+        velocity_filter_hz=50.0,
+        acceleration_filter_hz=30.0,
+    )
+    rng = np.random.default_rng(6)
+    K, B, M = (rng.uniform(0, most, 20_000) for most in (6e3, 2e3, 20))
+    many = np.asarray(verdict(loop_of(case), Effects(stiffness=K, damping=B, mass=M)))
+    assert 0.2 < np.mean(many > 0) < 0.8
+    assert np.all(many != 0)
+    for row in range(0, many.size, 400):
+        alone = loop_along(case, float(K[row]), float(B[row]), float(M[row])).at(arb(1))
+        assert stable_by_jury(alone) == (many[row] > 0)
+
+
 @settings(max_examples=50)
 @given(seed=st.integers(0, 10_000), unit=st.floats(1e-3, 1e3), time=st.floats(1e-2, 1e2))
 def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from flint import arb
 
 from datasets_synthetic import Controller, Faults, Hand, Rig, log_text, simulate
-from identification import Device, Trajectory, UsageError, load_device, quantity
+from identification import Device, LogRefusedError, Trajectory, UsageError, load_device, quantity
 from tests.commands import haptune
 from tests.reference import crossings, reference_loop, stable_by_jury
 from tune import Scene, Verification, optimise, verify
@@ -244,8 +245,10 @@ def test_a_handle_that_is_moved_away_and_held_is_free_from_its_release_on() -> N
     whole = Trajectory(
         time=T * np.arange(position.size, dtype=np.float64),
         position=position,
-        force=_force(position, log),
+        force=_force(position),
     )
+    # Where the device really swung it is what its controller commanded.
+    np.testing.assert_allclose(whole.force[-1000:], log.force[-1000:], atol=1e-9)
     seen = verify(STYLUS.profile, whole)
     assert seen.motion is not None
     assert seen.motion.release is not None
@@ -254,7 +257,7 @@ def test_a_handle_that_is_moved_away_and_held_is_free_from_its_release_on() -> N
     assert verdicts(seen)["decay"] == "agrees"
 
 
-def _force(position: Any, log: Trajectory) -> Any:
+def _force(position: Any) -> Any:
     """The law of the stylus's wall at half gain on these positions, by its difference equation."""
     pole = np.exp(-2 * np.pi * 100.0 * T)
     velocity, force = 0.0, np.empty_like(position)
@@ -262,9 +265,78 @@ def _force(position: Any, log: Trajectory) -> Any:
         change = (place - position[row - 1]) / T if row else 0.0
         velocity = pole * velocity + (1 - pole) * change
         force[row] = -0.5 * (100.0 * place + 0.4 * velocity)
-    # Where the device really swung it is what its controller commanded.
-    np.testing.assert_allclose(force[-1000:], log.force[-1000:], atol=1e-9)
     return force
+
+
+def _beats() -> Trajectory:
+    """Two modes at once: no device of one mass behind a spring moves so."""
+    time = T * np.arange(1500, dtype=np.float64)
+    modes = 0.01 * np.exp(-2 * time) * np.cos(10 * np.pi * time)
+    modes += 0.012 * np.exp(-time) * np.cos(13 * np.pi * time)
+    position = 2e-5 * np.round(modes / 2e-5)
+    return Trajectory(time=time, position=position, force=_force(position))
+
+
+def _stuck_at_its_limit() -> Trajectory:
+    log = STYLUS.log("wall", 0.5)
+    return replace(log, force=np.where(np.arange(len(log)) < 1480, 3.0, log.force))
+
+
+HARD = Bench(
+    **STYLUS.truth, start=2e-4, elements={"wall": (2000.0, 3.0, 0.0)}, velocity_filter_hz=100.0
+)
+
+
+@pytest.mark.parametrize(
+    ("bench", "log", "check", "verdict", "words"),
+    [
+        (
+            STYLUS,
+            lambda: STYLUS.log("wall", 0.5, position=5e-3, other={"delay": 20 * T}),
+            "decay",
+            "disagrees",
+            "the swings grow until the log ends",
+        ),
+        (STYLUS, _beats, "frequency", "not assessed", "leaves 18"),
+        (STYLUS, _stuck_at_its_limit, "law", "not assessed", "20 rows are neither saturated"),
+        (
+            STYLUS,
+            lambda: STYLUS.log("gel", 0.5),
+            "frequency",
+            "not assessed",
+            "does not oscillate, which is predicted",
+        ),
+        (
+            AXIS,
+            lambda: AXIS.log("water", 0.5, samples=300, position=0.0, velocity=0.012),
+            "decay",
+            "not assessed",
+            "moves freely for 34 rows only",
+        ),
+        (HARD, lambda: HARD.log("wall", 0.5), "decay", "not assessed", "may not come to rest"),
+    ],
+)
+def test_what_a_motion_cannot_tell_is_said(
+    bench: Bench, log: Callable[[], Trajectory], check: str, verdict: str, words: str
+) -> None:
+    seen = verify(bench.profile, log())
+    assert verdicts(seen)[check] == verdict
+    assert words in said(seen, check)
+    assert verdicts(seen)["delay"] != "agrees"
+
+
+def test_rows_that_are_not_those_of_the_loop_are_refused() -> None:
+    log = STYLUS.log("wall", 0.5)
+    kept = np.delete(np.arange(len(log)), slice(700, 705))
+    torn = replace(log, time=log.time[kept], force=log.force[kept], position=log.position[kept])
+    uneven = 0.1 * T * np.resize([0.0, 1.0, 1.0, 0.0], len(log))
+    for wrong, words in (
+        (replace(log, time=1.2 * log.time), "steps by 1.2 ms; needed: the sample time .* 1 ms"),
+        (torn, r"1 gap\(s\), the longest 6 ms"),
+        (replace(log, time=log.time + uneven), "vary by 7.07% rms"),
+    ):
+        with pytest.raises(LogRefusedError, match=words):
+            verify(STYLUS.profile, wrong)
 
 
 def test_the_command_compares_draws_and_ends_with_its_code(

@@ -90,6 +90,8 @@ class Responses:
             velocity, acceleration = (
                 np.concatenate([part] * len(levels)) for part in (velocity, acceleration)
             )
+        if angle.ndim > 1:
+            angle = np.tile(angle, (len(levels), 1))
         return cls(
             loop=loop,
             angle=angle,
@@ -127,22 +129,28 @@ class Responses:
 
 
 def _grid(loop: Loop) -> FloatArray:
-    """Angles in (0, π]: in equal ratios, evenly, and around every resonance of the plant."""
+    """Angles in (0, π] for each loop: in equal ratios, evenly, around each of its resonances.
+
+    Shape (points,) where none resonates, else (loops, points), ascending.
+    """
     denominator = loop.transfer.plant_denominator
     drop = 0 if loop.grounded else 1
-    lower = denominator[drop:-1] / denominator[-1]
-    roots = companion_roots(lower)
+    roots = companion_roots(denominator[drop:-1] / denominator[-1])
     size = np.abs(roots)
     slow = float(np.min(size, initial=_MOST))
     least = min(_MOST, max(_LEAST, _SLOWEST * slow))
-    angles = [np.geomspace(least, np.pi, _POINTS), np.linspace(np.pi / _POINTS, np.pi, _POINTS)]
+    even = [np.geomspace(least, np.pi, _POINTS), np.linspace(np.pi / _POINTS, np.pi, _POINTS)]
     with np.errstate(all="ignore"):
         ratio = np.abs(roots.real) / size
     resonant = (ratio < _RESONANT) & (roots.imag > 0)
-    at, ratio = 2 * np.arctan(roots.imag[resonant]), ratio[resonant]
-    angles.append((at * (1 + ratio * _AROUND[:, None])).reshape(-1))
-    found = np.unique(np.concatenate(angles))
-    return found[(found >= least) & (found <= np.pi)]
+    shared = np.unique(np.concatenate(even))
+    if not resonant.any():
+        return shared[(shared >= least) & (shared <= np.pi)]
+    around = 2 * np.arctan(roots.imag) * (1 + ratio * _AROUND[:, None, None])
+    around = np.where(resonant & (around >= least) & (around <= np.pi), around, np.pi)
+    own = around.reshape(-1, around.shape[-1]).T
+    found = np.sort(np.hstack([np.tile(shared, (len(own), 1)), own]), axis=1)
+    return np.clip(found[:, : 1 + int(np.sum(found < np.pi, axis=1).max())], least, np.pi)
 
 
 def _quotient(top: FloatArray, bottom: FloatArray, angle: FloatArray) -> ComplexArray:

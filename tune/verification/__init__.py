@@ -288,7 +288,7 @@ def _check_clock(profile: Design, trajectory: Trajectory) -> None:
     elif long:
         code, seen, needed, remedy = (
             "dropped-samples",
-            f"{trajectory.source} has {long} gaps, the longest {steps.max() * 1e3:.4g} ms",
+            f"{trajectory.source} has {long} gap(s), the longest {steps.max() * 1e3:.4g} ms",
             "every sample, since the filters of the law remember all of them",
             "Log with a real-time thread, or cut the log to a part without gaps.",
         )

@@ -255,7 +255,7 @@ def _growing(release: Release, prediction: Prediction) -> MeasuredMotion:
         verdict="disagrees",
         seen="the swings grow until the log ends",
         predicted=f"{low:.4g} to {high:.4g} 1/s",
-        tolerance="decay",
+        tolerance="that it decays",
         remedy="Do not raise the gain. Check the sign of force and position, the filters "
         "and the delay of the controller.",
         numbers={"predicted_low": low, "predicted_high": high},

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flint import arb
 
 from identification import Device, load_device, quantity
 from tests.felt import beyond, felt
-from tests.reference import Case, crossings, loop_along
+from tests.reference import Case, crossings, loop_along, stable_by_jury
 from tests.simulated.experiment import EFFECTS, EffectName
 from tests.thinned import thinned
 from tests.unlimited import BOUNDLESS, UNLIMITED
@@ -204,6 +205,53 @@ def test_elements_together_are_certified_as_a_sum() -> None:
     assert both.elements["wall"].stiffness == pytest.approx(
         alone.elements["wall"].stiffness - 500.0, rel=1e-3
     )
+
+
+def test_what_vibrates_in_any_hand_keeps_its_margin_throughout_the_box() -> None:
+    """What is claimed, at corners of device, mode and hand and between them, in 360 digits."""
+    mode = {
+        "frequency_hz": {"value": 60.0, "low": 57.0, "high": 63.0},
+        "damping_ratio": {"value": 0.03, "low": 0.02, "high": 0.04},
+        "at_encoder": 0.6,
+        "at_handle": 0.5,
+    }
+    device = Device.model_validate({**dict(_device(**UNLIMITED)), "modes": [mode]})
+    scene = _scene(
+        {"water": {"damping": "max"}},
+        hand="free-to-rigid",
+        loop={"velocity_filter_hz": 60.0},
+    )
+    profile = optimise(device, scene)
+    assert profile.hand is not None
+    water = profile.elements["water"]
+    damping, box = water.damping, profile.certificate
+    hand = [(each.low, each.high) for _, each in profile.hand]
+    ends = [box.mass, box.damping, (57.0, 63.0), (0.02, 0.04), *hand]
+    rng, nearest = np.random.default_rng(4), np.inf
+    for part in [*rng.integers(0, 2, (8, len(ends))), *rng.random((8, len(ends)))]:
+        m, b, f, z, *grip = (
+            low + t * (high - low) for t, (low, high) in zip(part, ends, strict=True)
+        )
+        for late, gain, held in (
+            (0.0, water.margins.gain, tuple(grip)),
+            (0.0, water.margins.gain, (0.0, 0.0, 0.0)),
+            (water.margins.extra_delay_samples, 1.0, tuple(grip)),
+        ):
+            case = Case(
+                mass=m,
+                damping=b,
+                sample_time=1e-3,
+                delay_samples=1.0 + late,
+                velocity_filter_hz=60.0,
+                modes=((f, z, 0.6, 0.5),),
+                hand=held,
+            )
+            loop = loop_along(case, None, damping, None)
+            first = min((float(each.mid()) for each in crossings(loop)), default=np.inf)
+            assert first > gain
+            assert stable_by_jury(loop.at(arb(min(first, 1.0) / 2)))
+            nearest = min(nearest, first / gain)
+    assert nearest < 1 + 1e-3  # one of the corners is what limits it
 
 
 def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:

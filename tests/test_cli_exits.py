@@ -37,6 +37,15 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "guess is no finding", "identify log.csv --allow guess"),
     (2, "one of the inputs", "identify log.csv -o log.csv"),
     (2, "one of the inputs", "tune homerehab scene.yaml -o ../here/scene.yaml"),
+    (2, "all are zero", "audit homerehab"),
+    (2, "-3 is never stable", "audit homerehab --stiffness -3"),
+    (2, "nan is no finite number", "audit homerehab --damping nan"),
+    (2, "less than no delay", "audit homerehab --damping 9 --extra-delay-samples -2"),
+    (2, "there is no folder absent", "open absent"),
+    (3, "cannot be read", "fleet absent.csv --scene scene.yaml -o many"),
+    (3, "is not UTF-8", "fleet utf16.csv --scene scene.yaml -o many"),
+    (7, "there is no folder", "fleet fleet.csv --scene scene.yaml -o absent/many"),
+    (7, "exists", "fleet fleet.csv --scene scene.yaml -o scene.yaml"),
     (3, "No such file", "tune homerehab missing.yaml"),
     (3, "neither a file nor a named device", "tune homerehap scene.yaml"),
     (3, "Is a directory", "tune folder scene.yaml"),
@@ -83,12 +92,14 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "encoder_resolution: 0.00001, force_limit: {continuous: 1, peak: 2}}",
         "changed.yaml": "{schema: haptune/profile/1, certificate: {}, digest: sha256:0}",
         "log.csv": log_text(),
+        "fleet.csv": "serial,log\nA1,log.csv\n",
         "constant.csv": log_text(force="2.0"),
         "short.csv": log_text(20),
     }
     for name, text in texts.items():
         Path(name).write_text(text, encoding="utf-8")
-    Path("utf16.yaml").write_text(FLUID, encoding="utf-16")
+    for name in ("utf16.yaml", "utf16.csv"):
+        Path(name).write_text(FLUID, encoding="utf-16")
 
 
 @pytest.mark.parametrize(("code", "words", "command"), SITUATIONS, ids=str)

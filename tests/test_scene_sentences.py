@@ -54,6 +54,17 @@ FILES: tuple[tuple[tuple[str, ...], str], ...] = (
     ),
     (("together", "'wall'"), WALL + "together: wall"),
     (("together needs two or more",), WALL + "together: [[]]"),
+    (("together names door, which is no element",), WALL + "together: [[wall, door]]"),
+    (("apart needs two different elements",), WALL + "apart: [[wall, wall]]"),
+    (
+        ("wall and water are both together and apart",),
+        "elements: {wall: {stiffness: max}, water: {damping: max}}\n"
+        "together: [[wall, water]]\napart: [[wall, water]]",
+    ),
+    (("an element is named ' '", "give it a word"), "elements: {' ': {stiffness: max}}"),
+    (("min 5 exceeds max 3",), "elements: {wall: {stiffness: {min: 5, max: 3}}}"),
+    (("lead is for walls", "one_sided: true"), "elements: {wall: {stiffness: max, lead: 0.001}}"),
+    (("hand", "give none, free-to-rigid"), WALL + "hand: firm"),
     (("schema is 'haptune/scene/2'", "'haptune/scene/1'"), "schema: haptune/scene/2\n" + WALL),
     (("colour", "no key known"), WALL + "colour: red"),
 )

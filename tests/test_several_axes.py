@@ -11,6 +11,7 @@ import json
 import shutil
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -22,7 +23,14 @@ from scipy.linalg import expm
 import identification as ident
 from datasets_synthetic import RigOfAxes, bundled_path
 from datasets_synthetic.scenarios import planar_texts
-from identification import Device, Hardware, InvalidInputError, LogRefusedError, identify
+from identification import (
+    Device,
+    Hardware,
+    InvalidInputError,
+    LogRefusedError,
+    UsageError,
+    identify,
+)
 from tests.commands import haptune
 from tests.exported import on_two_axes
 from tests.guard import STATUS, Guard, GuardOfAxes, built, enter, parameters_of, push, write
@@ -163,6 +171,45 @@ def test_filtered_methods_agree_with_the_truth() -> None:
         assert device.poses is not None
         assert np.allclose(device.poses[0].mass, MASS, rtol=0.02)
         assert {log.method for log in device.logs} == {method}
+
+
+def test_a_force_with_the_other_sign_is_named_with_its_axis() -> None:
+    """By every method, though most of them find no mass to start from."""
+    seen = motion(MASS, DAMPING, FRICTION, seed=2)
+    turned = replace(seen, force=seen.force * np.array([1.0, -1.0]))
+    methods: tuple[ident.Method, ...] = ("auto", "least-squares", "instruments", "output-error")
+    for method in methods:
+        with pytest.raises(LogRefusedError) as refused:
+            identify(turned.log(), hardware=hardware(), method=method)
+        (found,) = (each for each in refused.value.findings if each.code == "sign-flip")
+        assert str(found).startswith("sign-flip: simulated, axis y gives mass -2.")
+        assert found.remedy.startswith("Negate the force of y")
+
+
+def test_what_no_encoder_explains_is_fitted_by_least_squares_within_its_interval() -> None:
+    """A force beside the logged one, and a delay that is fitted first."""
+    seen = motion(MASS, DAMPING, FRICTION, seed=8)
+    beside = 2e-3 * np.cumsum(np.random.default_rng(8).standard_normal(seen.force.shape), axis=1)
+    log = replace(seen, force=seen.force - beside + beside.mean(axis=1, keepdims=True)).log()
+    device = identify(log, hardware=hardware(delay=None)).device
+    assert {each.method for each in device.logs} == {"least-squares"}
+    assert device.delay is not None
+    assert device.delay.low < STEP < device.delay.high
+    box = device.simultaneous_box()
+    for matrix, (low, high) in ((MASS, box.mass), (DAMPING, box.damping)):
+        least, largest = np.linalg.eigvalsh(matrix)
+        assert low < least < largest < high
+
+
+def test_hardware_that_only_one_axis_can_have_is_refused() -> None:
+    seen = motion(MASS, DAMPING, FRICTION, seed=2).log()
+    with pytest.raises(UsageError, match="known of one axis only"):
+        identify(seen, hardware=hardware(current_lag=0.001))
+    one = ident.Trajectory(
+        time=seen.axes[0].time, force=seen.axes[0].force, position=seen.axes[0].position
+    )
+    with pytest.raises(UsageError, match="of one axis and of several"):
+        identify([seen, one], hardware=hardware())
 
 
 def test_ellipses_have_the_principal_masses_as_half_axes(planar: Device) -> None:
@@ -356,6 +403,10 @@ def test_columns_that_do_not_fit_are_refused(
         ({"axes": None}, "axes and poses belong together"),
         ({"axes": ["x", "y", "z"]}, "need matrices of 3 axes"),
         ({"mass": 3.0}, "over all directions"),
+        ({"poses": {"mass": [[3.0, 1.0]]}}, "mass must have 1 rows of 1 numbers"),
+        ({"poses": {"damping": [[9.0, 1.0], [2.0, 9.0]]}}, "damping must be symmetric"),
+        ({"poses": {"force_offset": [0.0]}}, "need 2 numbers"),
+        ({"poses": {"mass": [[1.0, 2.0], [2.0, 1.0]]}}, "mass is -1 in some direction"),
         ({"modes": [{"frequency_hz": 90.0, "damping_ratio": 0.02, "at_encoder": 1.0}]}, "one axis"),
     ],
 )
@@ -363,6 +414,8 @@ def test_device_files_that_contradict_themselves_are_refused(
     change: dict[str, object], sentence: str, planar: Device
 ) -> None:
     content = {**ident.to_mapping(planar), **change}
+    if isinstance(pose := change.get("poses"), dict):
+        content["poses"] = [{**ident.to_mapping(planar)["poses"][0], **pose}]
     content = {key: item for key, item in content.items() if item is not None}
     with pytest.raises(InvalidInputError, match=sentence):
         ident.parse_document(Device, content, "device.yaml")

@@ -47,6 +47,7 @@ _LOOSEST = 1.5
 #: Least eigenvalue of the correlations of accelerations; 1 where axes move independently, some
 #: 0.002 where independent forces move a device thirty times as heavy one way as another.
 _ALIKE = 1e-3
+_NEGATED = "Negate the force of {axis} in the log; force is positive along +position."
 _APART = "Drive all axes at once with forces of their own (other lines or phases), for longer."
 
 
@@ -131,7 +132,7 @@ def fit_axes(
     fits = tuple(_fitted(log, hardware, method) for log in logs)
     noticed = [
         found
-        + tuple(each.of(fit.trajectory.source) for fit in joint.alone for each in fit.findings)
+        + tuple(_of_axis(each, fit) for fit in joint.alone for each in fit.findings)
         + tuple(each.of(joint.log.source) for each in _not_told_apart(joint))
         for found, joint in zip(noticed, fits, strict=True)
     ]
@@ -153,6 +154,13 @@ def fit_axes(
     )
     findings = tuple(replace(each, severity="warning") for found in noticed for each in found)
     return AxesFit(poses=fits, logs=alone, records=records, findings=findings + missing)
+
+
+def _of_axis(finding: Finding, fit: LogFit) -> Finding:
+    """A finding of one axis; what is scaled on the command line is every axis."""
+    if finding.code == "sign-flip":
+        finding = replace(finding, remedy=_NEGATED.format(axis=fit.trajectory.axis))
+    return finding.of(fit.trajectory.source)
 
 
 def _inspected(log: Trajectories, hardware: Hardware | None) -> tuple[Finding, ...]:
@@ -177,8 +185,11 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
         doubt = (known.high - known.low) / (2 * NORMAL_95)
     try:
         prepared = prepare_axes(log, delay, room, doubt)
-        estimate, reason = _chosen(prepared, method, fits_delay=known is None)
-    except (NoMassError, np.linalg.LinAlgError):
+        try:
+            estimate, reason = _chosen(prepared, method, fits_delay=known is None)
+        except NoMassError:  # which axis is to blame is told below
+            estimate, reason = fit_jointly(prepared, "least-squares"), "no mass to start from"
+    except np.linalg.LinAlgError:
         raise LogRefusedError((_no_mass().of(log.source),)) from None
     alone = tuple(
         fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import permutations
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -207,15 +207,24 @@ def test_elements_together_are_certified_as_a_sum() -> None:
     )
 
 
+def _vibrating(*modes: float) -> Device:
+    """With lightly damped modes around these frequencies, Hz."""
+    ratio = {"value": 0.03, "low": 0.02, "high": 0.04}
+    stated = [
+        {
+            "frequency_hz": {"value": f, "low": 0.95 * f, "high": 1.05 * f},
+            "damping_ratio": ratio,
+            "at_encoder": 0.6,
+            "at_handle": 0.5,
+        }
+        for f in modes
+    ]
+    return Device.model_validate({**dict(_device(**UNLIMITED)), "modes": stated})
+
+
 def test_what_vibrates_in_any_hand_keeps_its_margin_throughout_the_box() -> None:
     """What is claimed, at corners of device, mode and hand and between them, in 360 digits."""
-    mode = {
-        "frequency_hz": {"value": 60.0, "low": 57.0, "high": 63.0},
-        "damping_ratio": {"value": 0.03, "low": 0.02, "high": 0.04},
-        "at_encoder": 0.6,
-        "at_handle": 0.5,
-    }
-    device = Device.model_validate({**dict(_device(**UNLIMITED)), "modes": [mode]})
+    device = _vibrating(60.0)
     scene = _scene(
         {"water": {"damping": "max"}},
         hand="free-to-rigid",
@@ -252,6 +261,51 @@ def test_what_vibrates_in_any_hand_keeps_its_margin_throughout_the_box() -> None
             assert stable_by_jury(loop.at(arb(min(first, 1.0) / 2)))
             nearest = min(nearest, first / gain)
     assert nearest < 1 + 1e-3  # one of the corners is what limits it
+
+
+@pytest.mark.parametrize(
+    "elements",
+    [
+        {"water": {"damping": 90.0}},
+        pytest.param(
+            {
+                "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
+                "water": {"damping": 10.0},
+            },
+            marks=pytest.mark.long,
+        ),
+    ],
+    ids="+".join,
+)
+def test_what_is_claimed_holds_where_one_mode_is_slow_and_another_quick(
+    elements: dict[str, Any],
+) -> None:
+    """Such corners are found by the search for the worst point, and then are part of the region."""
+    profile = optimise(_vibrating(45.0, 110.0), _scene(elements, loop={"velocity_filter_hz": 60.0}))
+    box, chosen = profile.certificate, profile.elements.values()
+    K, B = (sum(getattr(each, name) for each in chosen) for name in ("stiffness", "damping"))
+    gain = max(each.margins.gain for each in chosen)
+    extra = max(each.margins.extra_delay_samples for each in chosen)
+    ranges = [each for mode in box.modes for each in (mode.frequency_hz, mode.damping_ratio)]
+    nearest = np.inf
+    for mass, damping, *modes in product(box.mass[:1], box.damping, *ranges):
+        for late, least in ((0.0, gain), (extra, 1.0)):
+            case = Case(
+                mass=mass,
+                damping=damping,
+                sample_time=1e-3,
+                delay_samples=1.0 + late,
+                velocity_filter_hz=60.0,
+                modes=tuple((f, z, 0.6, 0.5) for f, z in zip(modes[::2], modes[1::2], strict=True)),
+            )
+            loop = loop_along(case, K or None, B, None)
+            first = min((float(each.mid()) for each in crossings(loop)), default=np.inf)
+            assert first > least
+            assert stable_by_jury(loop.at(arb(min(first, 1.0) / 2)))
+            if not late:
+                nearest = min(nearest, first / gain)
+    # Of a wall no more is claimed than is proved of its contact.
+    assert nearest < (2 if "wall" in elements else 1.01)
 
 
 def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:

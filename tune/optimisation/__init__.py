@@ -290,6 +290,7 @@ def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
         for point in error.points
         if isinstance(point, WorstPoint)
     )
+    spots = tuple(each for each in spots if each not in task.region.found)
     if not spots:
         slack = next((more for more in SLACK if more > task.slack), None)
         return None if slack is None else replace(task, slack=slack)

@@ -7,7 +7,7 @@ where it finds a worse point, that point joins the region as one more loop.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
 from typing import ParamSpec, TypeVar, cast
@@ -181,7 +181,10 @@ class Region:
         )
 
     def _corners(self, step: float, delay: float) -> Iterator[PlantPoint]:
-        """Every corner at one sample time and delay; modes shift and are damped all together."""
+        """Every corner at one sample time and delay, and the devices that were worse than they.
+
+        Modes shift and are damped all together.
+        """
         ways = ((),)
         if self.modes:
             ends = [(_pair(m.frequency_hz), _pair(m.damping_ratio)) for m in self.modes]
@@ -212,6 +215,7 @@ class Region:
                 current_lag=lag,
                 hand=grip,
             )
+        yield from (replace(each, sample_time=step, delay=delay) for each in self.found)
 
 
 @remembered

@@ -308,6 +308,16 @@ def test_what_is_claimed_holds_where_one_mode_is_slow_and_another_quick(
     assert nearest < (2 if "wall" in elements else 1.01)
 
 
+def test_all_damping_may_be_taken_from_a_device_with_a_mode() -> None:
+    """Up to half of its least, which leaves a pole at 1 - 7e-9: no rounding makes growth of it."""
+    loop = {"velocity_filter_hz": 90.0, "acceleration_filter_hz": 26.7}
+    scene = _scene({"feather": {"damping": "min"}}, loop=loop)
+    profile = optimise(_vibrating(60.0), scene)
+    (least, _), feather = profile.certificate.damping, profile.elements["feather"]
+    assert 0.98 < -2 * feather.damping / least < 1
+    assert feather.fade_time == 0.1
+
+
 def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:
     profile = optimise(_device(), _scene({"wall": {"stiffness": "max"}, "dust": {"damping": 0.1}}))
     dust = profile.elements["dust"]

@@ -235,9 +235,9 @@ def _without_fade(solved: _Solved, element: str) -> DesignTask:
         if any(u.element == element and not u.settled for u in each.problem.unknowns)
     )
     fading = {
-        label: _PUMPED
-        for label, size in own.by_label().items()
-        if label.rpartition(".")[0] == element and (label.endswith(".mass") or size < 0)
+        unknown.label: _PUMPED
+        for unknown in own.problem.unknowns
+        if unknown.element == element and (unknown.effect == "mass" or unknown.sign < 0)
     }
     left = keep_promises(own.problem, fading)
     return replace(task, left_out=(*task.left_out, *left.items()))

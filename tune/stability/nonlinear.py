@@ -447,13 +447,12 @@ def shortest_fade(
 class _FadedLoop:
     """x[k+1] = (still + level·more)·x[k], each of shape (states, states); sample time in s.
 
-    It is grounded where a spring of device or law binds the place at some level.
+    Where no spring of device or law binds the place at any level, it is no state.
     """
 
     still: FloatArray
     more: FloatArray
     sample_time: float
-    grounded: bool
 
     @classmethod
     def of(cls, place: Corner, filters: Filters, beside: Values, fading: Values) -> _FadedLoop:
@@ -477,12 +476,11 @@ class _FadedLoop:
             row[:size] = each.direct * plant.read
             start = end
         drive = np.append(enter, np.zeros(total - size))
-        return cls(
-            still=still + np.outer(drive, np.array(beside) @ rows),
-            more=np.outer(drive, np.array(fading) @ rows),
-            sample_time=step,
-            grounded=bool(beside[0] or fading[0] or place.position_stiffness),
-        )
+        still += np.outer(drive, np.array(beside) @ rows)
+        more = np.outer(drive, np.array(fading) @ rows)
+        if not (beside[0] or fading[0] or place.position_stiffness):
+            still, more = _without_place(still, more)
+        return cls(still=still, more=more, sample_time=step)
 
     def at(self, level: FloatArray) -> FloatArray:
         """Transitions at some levels, shape (levels, states, states)."""
@@ -509,16 +507,25 @@ class _FadedLoop:
                 both, fades = (turns[low], turns[high]), 2 * float(turned[low:high].sum())
                 for first, last in _waits(both, fades):
                     periods = down @ _held(held[high], last) @ up @ _held(held[low], first)
-                    if not np.isfinite(periods).all() or self._radius(periods) > 1 + _GROWS:
+                    if not np.isfinite(periods).all():
+                        return True
+                    if np.abs(np.linalg.eigvals(periods)).max() > 1 + _GROWS:
                         return True
         return False
 
-    def _radius(self, periods: FloatArray) -> float:
-        """Largest eigenvalue of some periods, without the one of a place that nothing holds."""
-        values = np.linalg.eigvals(periods).reshape(-1, len(self.still))
-        if not self.grounded:
-            values[np.arange(len(values)), np.abs(values - 1).argmin(axis=1)] = 0
-        return float(np.abs(values).max())
+
+def _without_place(still: FloatArray, more: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Transitions of what is left where nothing binds the place, told relative to the place.
+
+    The pole of the place is one. Beside next to no damping that of the speed is too, and rounding
+    would make growth of such a pair.
+    """
+    elsewhere = np.linalg.svd(still - np.eye(len(still)))[2][-1]
+    place = int(np.argmax(np.abs(elsewhere)))
+    rest = np.delete(np.arange(len(still)), place)
+    share = elsewhere[rest] / elsewhere[place]
+    left = [each[np.ix_(rest, rest)] - np.outer(share, each[place, rest]) for each in (still, more)]
+    return left[0], left[1]
 
 
 def _turn(matrix: FloatArray) -> float:

@@ -47,6 +47,9 @@ _LOOSEST = 1.5
 #: Least eigenvalue of the correlations of accelerations; 1 where axes move independently, some
 #: 0.002 where independent forces move a device thirty times as heavy one way as another.
 _ALIKE = 1e-3
+#: Delays are read from each axis alone and put to all so often at most, or until they move by less
+#: than this part of a standard deviation.
+_MOST_DELAYS, _SETTLED = 6, 0.2
 _NEGATED = "Negate the force of {axis} in the log; force is positive along +position."
 _APART = "Drive all axes at once with forces of their own (other lines or phases), for longer."
 
@@ -191,15 +194,41 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
             estimate, reason = fit_jointly(prepared, "least-squares"), "no mass to start from"
     except np.linalg.LinAlgError:
         raise LogRefusedError((_no_mass().of(log.source),)) from None
-    alone = tuple(
-        fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")
-        for axis in prepared.alone(estimate.matrices, estimate.delay, estimate.positions).axes
-    )
+    alone = _fitted_alone(prepared, estimate, hardware)
+    if known is None and estimate.method != "output-error":
+        # What moves the others is taken from each axis at this delay, and so moves theirs.
+        for _ in range(_MOST_DELAYS):
+            late, doubt = _pooled_delay(alone)
+            if abs(late - prepared.delay) <= _SETTLED * doubt:
+                break
+            prepared = replace(prepared, delay=min(late, room), doubt=doubt)
+            estimate = fit_jointly(prepared, estimate.method)
+            alone = _fitted_alone(prepared, estimate, hardware)
     if not _explained(estimate, log):
         estimate = _widened(estimate, alone)
     bends = np.stack([table.columns[0] for table in prepared.tables])
     apart = float(np.linalg.eigvalsh(np.corrcoef(bends))[0])
     return _JointFit(log=log, estimate=estimate, alone=alone, reason=reason, apart=apart)
+
+
+def _fitted_alone(
+    prepared: JointLog, estimate: JointEstimate, hardware: Hardware | None
+) -> tuple[LogFit, ...]:
+    """What each axis shows alone, its force less what moves the others."""
+    return tuple(
+        fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")
+        for axis in prepared.alone(estimate.matrices, estimate.delay, estimate.positions).axes
+    )
+
+
+def _pooled_delay(alone: Sequence[LogFit]) -> tuple[float, float]:
+    """The delay that all axes show and its standard deviation, s, as far as they disagree."""
+    seen = [fit.delay for fit in alone if fit.delay is not None]
+    weights = np.array([each.deviation**-2 for each in seen])
+    values = np.array([each.value for each in seen])
+    mean = float(weights @ values / weights.sum())
+    apart = float(weights @ (values - mean) ** 2 / max(len(seen) - 1, 1))
+    return mean, float(np.sqrt(max(apart, 1.0) / weights.sum()))
 
 
 def _middle_of(log: Trajectories) -> Trajectories:
@@ -227,9 +256,6 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
         simulated = fit_jointly(prepared, "output-error", fits_delay=fits_delay)
         if _explained(simulated, prepared.log):
             return simulated, "output error, because noise of the encoders explains its residuals"
-        if fits_delay:
-            known = simulated.delay_deviation or 0.0
-            prepared = replace(prepared, delay=simulated.delay, doubt=known)
     referenced = all(table.signals.reference is not None for table in prepared.tables)
     usual: JointMethod = "instruments" if referenced else "least-squares"
     found = fit_jointly(prepared, usual)

@@ -16,6 +16,7 @@ from tests.simulated.experiment import EFFECTS, EffectName
 from tests.thinned import thinned
 from tests.unlimited import BOUNDLESS, UNLIMITED
 from tune import (
+    CheckFailedError,
     Effects,
     Filters,
     Loop,
@@ -316,6 +317,22 @@ def test_all_damping_may_be_taken_from_a_device_with_a_mode() -> None:
     (least, _), feather = profile.certificate.damping, profile.elements["feather"]
     assert 0.98 < -2 * feather.damping / least < 1
     assert feather.fade_time == 0.1
+
+
+def test_an_element_that_is_not_proved_is_left_out_and_the_rest_tuned(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A proof of contact that ends early stands for one that is too long."""
+    monkeypatch.setattr("tune.certificate.absolute._MOST_CELLS", 50)
+    wall = {"wall": {"stiffness": 2000.0, "damping": 20.0, "one_sided": True}}
+    loop = {"velocity_filter_hz": 60.0}
+    both = _scene({**wall, "water": {"damping": 10.0}}, loop=loop)
+    profile = optimise(_vibrating(60.0), both)
+    assert profile.elements["water"].damping == 10.0
+    assert profile.elements["wall"].stiffness == profile.elements["wall"].damping == 0.0
+    assert any("wall.stiffness dropped: it was not proved" in note for note in profile.notes)
+    with pytest.raises(CheckFailedError, match="not proved stable with its clamps"):
+        optimise(_vibrating(60.0), _scene(wall, loop=loop))
 
 
 def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:

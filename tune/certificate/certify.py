@@ -545,7 +545,9 @@ def certify(
             failures += rendering_failures(design, combination[0], setting)
     every = [each for found in outcomes for each in found]
     if failures:
-        raise CheckFailedError(tuple(failures), tuple(p for each in every for p in each.unstable))
+        points = tuple(point for each in every for point in each.unstable)
+        unproved = tuple(names for names, _ in played if " + ".join(names) not in interior)
+        raise CheckFailedError(tuple(failures), points, unproved)
     if not every:
         raise CheckFailedError(("the profile plays no effect at all",))
     return _certificate(design, every, cells, absolute, interior)

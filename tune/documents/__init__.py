@@ -62,9 +62,16 @@ class CheckFailedError(TuneError):
     Attributes:
         failures: sentences, one for each.
         points: of type `WorstPoint`, where it is unstable; empty where no point was found.
+        unproved: combinations of elements that are not proved stable in the whole box.
     """
 
-    def __init__(self, failures: tuple[str, ...], points: tuple[Document, ...] = ()) -> None:
+    def __init__(
+        self,
+        failures: tuple[str, ...],
+        points: tuple[Document, ...] = (),
+        unproved: tuple[tuple[str, ...], ...] = (),
+    ) -> None:
         self.failures = failures
         self.points = points
+        self.unproved = unproved
         super().__init__("check failed: " + "; ".join(failures))

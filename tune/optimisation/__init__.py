@@ -87,6 +87,11 @@ _RECOMMENDED: MarginName = "balanced"
 #: What may be favoured.
 Favour = Literal["stiffness", "mass"]
 _Content = dict[str, object]
+#: Why an element is left out whose proof was not found.
+_UNPROVED = (
+    "it was not proved stable for every device of the box within the cells that are looked at; ask "
+    "for less of it, or narrow the intervals of the device"
+)
 #: Why what fades in an element is left out.
 _PUMPED = (
     "however slowly it fades, a hand that enters and leaves it in time could pump the device. Give "
@@ -129,10 +134,14 @@ def optimise(
         filters, solved = _best_proved(task, choices, say)
         try:
             return _certified(filters, solved, say)
-        except CheckFailedError:
+        except CheckFailedError as error:
             choices = [each for each in choices[:_MOST_PROVED] if each[0] != filters]
             if not choices:
-                raise
+                less = solved[0].with_less_to_prove(error.unproved, _UNPROVED)
+                if less is None:
+                    raise
+                say("tuning without what is not proved")
+                task, choices = less, choose_filters(less, say)
 
 
 def _certified(filters: Filters, solved: _Solved, say: Progress) -> SafeProfile:

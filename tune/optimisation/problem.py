@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from types import MappingProxyType
 from typing import cast
 
@@ -186,6 +187,26 @@ class DesignTask:
         first, second = sorted(pair, key=order.index)
         scene = self.scene.model_copy(update={"apart": (*self.scene.apart, (first, second))})
         return replace(self, scene=scene, apart=(*self.apart, (first, second)))
+
+    def with_less_to_prove(
+        self, unproved: Sequence[tuple[str, ...]], why: str
+    ) -> DesignTask | None:
+        """The task with a wall told apart from what it is not proved with, or without an element.
+
+        Of the smallest combination the last element of least priority goes, with the reason. None
+        where nothing would be left.
+        """
+        scene, names = self.scene, min(unproved, key=len, default=())
+        for wall, other in product(names, names):
+            met = any({wall, other} <= set(group) for group in scene.together)
+            if wall in scene.walls and other not in scene.walls and not met:
+                return self.without((wall, other))
+        gone = {label.rpartition(".")[0] for label, _ in self.left_out}
+        if len(scene.elements.keys() - gone) < 2 or not names:
+            return None
+        last = max(reversed(names), key=lambda name: scene.elements[name].priority)
+        left = [(f"{last}.{effect}", why) for effect in scene.elements[last].wishes()]
+        return replace(self, left_out=(*self.left_out, *left))
 
     def left_out_of(self, elements: Sequence[str]) -> dict[str, str]:
         """What is left out of some elements, by label, with the reason."""

@@ -191,21 +191,25 @@ class DesignTask:
     def with_less_to_prove(
         self, unproved: Sequence[tuple[str, ...]], why: str
     ) -> DesignTask | None:
-        """The task with a wall told apart from what it is not proved with, or without an element.
+        """The task with a wall told apart from what it is not proved with, or without elements.
 
-        Of the smallest combination the last element of least priority goes, with the reason. None
-        where nothing would be left.
+        Elements that are not proved alone go, with the reason, else the last one of least priority
+        of the smallest combination. None where nothing would be left.
         """
         scene, names = self.scene, min(unproved, key=len, default=())
         for wall, other in product(names, names):
             met = any({wall, other} <= set(group) for group in scene.together)
             if wall in scene.walls and other not in scene.walls and not met:
                 return self.without((wall, other))
-        gone = {label.rpartition(".")[0] for label, _ in self.left_out}
-        if len(scene.elements.keys() - gone) < 2 or not names:
+        go = [each for one in unproved if len(one) == 1 for each in one]
+        if names and not go:
+            go = [max(reversed(names), key=lambda name: scene.elements[name].priority)]
+        gone = {label.rpartition(".")[0] for label, _ in self.left_out}.union(go)
+        if not go or scene.elements.keys() <= gone:
             return None
-        last = max(reversed(names), key=lambda name: scene.elements[name].priority)
-        left = [(f"{last}.{effect}", why) for effect in scene.elements[last].wishes()]
+        left = [
+            (f"{name}.{effect}", why) for name in go for effect in scene.elements[name].wishes()
+        ]
         return replace(self, left_out=(*self.left_out, *left))
 
     def left_out_of(self, elements: Sequence[str]) -> dict[str, str]:

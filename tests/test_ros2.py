@@ -31,6 +31,8 @@ def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     patch.setitem(sys.modules, name, module)
+    # Python would take what it compiled of a file as long as this for one of the same second.
+    patch.setattr(sys, "dont_write_bytecode", True)
     spec.loader.exec_module(module)
     return module
 

@@ -50,6 +50,8 @@ _ALIKE = 1e-3
 #: Delays are read from each axis alone and put to all so often at most, or until they move by less
 #: than this part of a standard deviation.
 _MOST_DELAYS, _SETTLED = 6, 0.2
+#: s, the least standard deviation of a delay.
+_EXACT = 1e-9
 _NEGATED = "Negate the force of {axis} in the log; force is positive along +position."
 _APART = "Drive all axes at once with forces of their own (other lines or phases), for longer."
 
@@ -224,7 +226,7 @@ def _fitted_alone(
 def _pooled_delay(alone: Sequence[LogFit]) -> tuple[float, float]:
     """The delay that all axes show and its standard deviation, s, as far as they disagree."""
     seen = [fit.delay for fit in alone if fit.delay is not None]
-    weights = np.array([each.deviation**-2 for each in seen])
+    weights = np.array([max(each.deviation, _EXACT) ** -2 for each in seen])
     values = np.array([each.value for each in seen])
     mean = float(weights @ values / weights.sum())
     apart = float(weights @ (values - mean) ** 2 / max(len(seen) - 1, 1))

@@ -48,7 +48,9 @@ def _elements() -> Iterator[Row]:
         return lambda count: optimise(device, Scene.model_validate(scene(count)))
 
     yield from _growing("springs, each alone", _COUNTS, tuned(lambda n: {"elements": _springs(n)}))
-    yield from _growing("springs, dampers, walls", _COUNTS[:3], tuned(lambda n: {"elements": _mix(n)}))
+    yield from _growing(
+        "springs, dampers, walls", _COUNTS[:3], tuned(lambda n: {"elements": _mix(n)})
+    )
     yield from _growing("masses, which fade", _COUNTS[:3], tuned(lambda n: {"elements": _cups(n)}))
     together = tuned(lambda n: {"elements": _dampers(n), "together": [list(_dampers(n))]})
     yield from _growing("dampers, all together", _TOGETHER, together)

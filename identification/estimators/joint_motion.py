@@ -63,8 +63,8 @@ class _Pattern:
     rates: FloatArray  # (devices, free)
     shapes: FloatArray  # V with VᵀΛV = 1 and VᵀDV = diag(rates), (devices, free, free)
     back: FloatArray  # VᵀΛ
-    light: FloatArray  # Λ⁻¹ of what moves, zero of what stands, (devices, axes, axes)
-    slow: FloatArray  # Λ⁻¹D likewise
+    pushed: FloatArray  # force that holds what stands by all forces, (devices, axes, axes)
+    slowed: FloatArray  # ... and by the speeds
 
     @classmethod
     def of(cls, devices: DevicesOfAxes, free: Indices) -> _Pattern:
@@ -73,14 +73,15 @@ class _Pattern:
         inverse = np.linalg.inv(np.linalg.cholesky(mass))
         rates, turned = np.linalg.eigh(inverse @ damping @ np.swapaxes(inverse, 1, 2))
         shapes = np.asarray(np.swapaxes(inverse, 1, 2) @ turned, dtype=np.float64)
-        light, slow = np.zeros_like(devices.mass), np.zeros_like(devices.mass)
+        light = np.zeros_like(devices.mass)  # Λ⁻¹ of what moves
         light[square] = shapes @ np.swapaxes(shapes, 1, 2)
-        slow[square] = light[square] @ damping
-        return cls(free, rates, shapes, np.swapaxes(shapes, 1, 2) @ mass, light, slow)
+        taken = devices.mass @ light
+        pushed, slowed = np.eye(len(taken[0])) - taken, taken @ devices.damping - devices.damping
+        return cls(free, rates, shapes, np.swapaxes(shapes, 1, 2) @ mass, pushed, slowed)
 
-    def bend(self, which: Indices | slice, speed: FloatArray, pull: FloatArray) -> FloatArray:
-        """Acceleration of all axes, shape (which, axes)."""
-        return _times(self.light[which], pull) - _times(self.slow[which], speed)
+    def held(self, which: Indices | slice, speed: FloatArray, push: FloatArray) -> FloatArray:
+        """Force that holds the axes that stand, N, shape (which, axes)."""
+        return _times(self.pushed[which], push) + _times(self.slowed[which], speed)
 
     def moved(
         self, which: Indices | slice, speed: FloatArray, pull: FloatArray, span: FloatArray
@@ -191,10 +192,10 @@ class _Run:
         left, sense = span.copy(), sense.copy()
         for _ in range(_MOST_EVENTS):
             needed = self._break_away(speed, sense, pull)
-            gone, later, bend = self._moved(speed, sense, pull, left)
+            gone, later, _ = self._moved(speed, sense, pull, left)
             back = later * sense < 0
             stuck = self.rough & (sense == 0)
-            ends = self._needed(later, bend, pull) if stuck.any() else needed
+            ends = self._held(later, sense, pull) if stuck.any() else needed
             loose = stuck & (np.abs(ends) > self.grip)
             which = np.flatnonzero((back | loose).any(axis=1))
             if not which.size:
@@ -214,15 +215,11 @@ class _Run:
         gone, later, _ = self._moved(speed, sense, pull, left)
         return place + gone, later, sense
 
-    def _needed(self, speed: FloatArray, bend: FloatArray, pull: FloatArray) -> FloatArray:
-        """Force that friction has to give each axis for this acceleration, N."""
-        return pull - _times(self.devices.mass, bend) - _times(self.devices.damping, speed)
-
-    def _bend(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
-        """Acceleration of all axes, (devices, axes)."""
+    def _held(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
+        """Force that friction has to give each axis that stands, N, (devices, axes)."""
         push, found = pull - self.grip * sense, np.empty_like(speed)
         for which, pattern in self._kinds(sense):
-            found[which] = pattern.bend(which, speed[which], push[which])
+            found[which] = pattern.held(which, speed[which], push[which])
         return found
 
     def _moved(
@@ -254,7 +251,7 @@ class _Run:
             stuck = self.rough & (sense == 0)
             if not stuck.any():
                 break
-            needed = self._needed(speed, self._bend(speed, sense, pull), pull)
+            needed = self._held(speed, sense, pull)
             excess = np.where(stuck, np.abs(needed) - self.grip, 0.0)
             axis = np.argmax(excess, axis=1)
             free = np.flatnonzero(excess[np.arange(len(axis)), axis] > 0)
@@ -301,8 +298,7 @@ class _Block:
     #: steps·axes, axes + steps·axes)
     maps: FloatArray
     stuck: Indices
-    pushed: FloatArray  # what holds all axes by the forces of a part, (devices, axes, axes)
-    slowed: FloatArray  # ... and by the speeds
+    pattern: _Pattern
 
     @classmethod
     def of(cls, devices: DevicesOfAxes, pattern: _Pattern, spans: list[FloatArray]) -> _Block:
@@ -333,8 +329,7 @@ class _Block:
             stuck=np.array(
                 [axis for axis in range(axes) if axis not in pattern.free], dtype=np.intp
             ),
-            pushed=np.eye(axes) - devices.mass @ pattern.light,
-            slowed=devices.mass @ pattern.slow - devices.damping,
+            pattern=pattern,
         )
 
     def run(
@@ -355,10 +350,11 @@ class _Block:
         ends = (speeds * sense[:, None] < 0).any(axis=(0, 2))
         if self.stuck.size:
             before = np.concatenate((speed[:, None], speeds[:, :-1]), axis=1)
+            pushed, slowed = (
+                np.swapaxes(each, 1, 2) for each in (self.pattern.pushed, self.pattern.slowed)
+            )
             for each in (before, speeds):
-                held = pushes @ np.swapaxes(self.pushed, 1, 2) + each @ np.swapaxes(
-                    self.slowed, 1, 2
-                )
+                held = pushes @ pushed + each @ slowed
                 loose = np.abs(held[..., self.stuck]) > grip[:, None, self.stuck]
                 ends |= loose.any(axis=(0, 2))
         done = int(np.argmax(ends)) // parts if ends.any() else samples

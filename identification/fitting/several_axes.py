@@ -194,18 +194,18 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
             estimate, reason = _chosen(prepared, method, fits_delay=known is None)
         except NoMassError:  # which axis is to blame is told below
             estimate, reason = fit_jointly(prepared, "least-squares"), "no mass to start from"
-    except np.linalg.LinAlgError:
-        raise LogRefusedError((_no_mass().of(log.source),)) from None
-    alone = _fitted_alone(prepared, estimate, hardware)
-    if known is None and estimate.method != "output-error":
+        alone = _fitted_alone(prepared, estimate, hardware)
+        seeks_delay = known is None and estimate.method != "output-error"
         # What moves the others is taken from each axis at this delay, and so moves theirs.
-        for _ in range(_MOST_DELAYS):
+        for _ in range(_MOST_DELAYS if seeks_delay else 0):
             late, doubt = _pooled_delay(alone)
             if abs(late - prepared.delay) <= _SETTLED * doubt:
                 break
             prepared = replace(prepared, delay=min(late, room), doubt=doubt)
             estimate = fit_jointly(prepared, estimate.method)
             alone = _fitted_alone(prepared, estimate, hardware)
+    except (NoMassError, np.linalg.LinAlgError):
+        raise LogRefusedError((_no_mass().of(log.source),)) from None
     if not _explained(estimate, log):
         estimate = _widened(estimate, alone)
     bends = np.stack([table.columns[0] for table in prepared.tables])

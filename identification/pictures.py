@@ -127,7 +127,8 @@ def identified_picture(
     known = {"now": device} | ({} if before is None else {"before": before})
     *parts, last = _parts([*(_OF_A_LOG for _ in fits), _AXIS + _LINE * len(lines)], known)
     for part, fit in zip(parts, fits, strict=False):
-        _draw_log(part, device.along(fit.trajectory.axis), fit)
+        alone = [float(name == fit.trajectory.axis) for name in device.axes or ()]
+        _draw_log(part, device.along(alone), fit)
     _draw_intervals(last.subplots(1, len(_SYMBOLS)), lines, _units_of_symbols(device))
     return last.figure
 

@@ -74,6 +74,7 @@ class Trajectory:
         source: where the samples come from, for messages and for the device file.
         digest: "sha256:…" of the file the samples come from, or "".
         read_as: how a file that is no plain table in SI units was understood, or "".
+        may_stand: whether force and position may be constant, beside other axes that are driven.
 
     Raises:
         LogRefusedError: too-short, non-finite, clock-backward or constant-column.
@@ -90,6 +91,7 @@ class Trajectory:
     source: str = "trajectory"
     digest: str = ""
     read_as: str = ""
+    may_stand: bool = False
     #: Median step between samples, s.
     sample_time: float = field(init=False, repr=False, compare=False)
 
@@ -278,7 +280,7 @@ def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
             f"Name the right column with --{name}, or drive the device while logging.",
         )
         for name, column in trajectory.columns()
-        if name in {"force", "position"} and np.ptp(column) == 0
+        if name in {"force", "position"} and np.ptp(column) == 0 and not trajectory.may_stand
     )
     return tuple(findings)
 
@@ -288,7 +290,8 @@ def refuse_sizes(trajectory: Trajectory) -> None:
     for name, column in trajectory.columns():
         low, high = float(np.min(column)), float(np.max(column))
         largest, change = max(abs(low), abs(high)), high - low
-        if largest > _LARGEST or (name in {"force", "position"} and change < _SMALLEST):
+        moved = name in {"force", "position"} and not (trajectory.may_stand and change == 0)
+        if largest > _LARGEST or (moved and change < _SMALLEST):
             raise InvalidInputError(
                 trajectory.source,
                 f"{name} reaches {largest:.3g} and changes by {change:.3g}, outside of "

@@ -44,7 +44,7 @@ from tests.planar import (
     tangled,
 )
 from tests.thinned import thinned
-from tune import Scene, export, load_profile, optimise
+from tune import Scene, export, load_profile, optimise, verify
 from tune.documents.profile import SafeProfile
 
 FloatArray = NDArray[np.float64]
@@ -362,16 +362,6 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
     assert ended.code == 0, ended.err
     ended = haptune("report", "profile.yaml", "log.csv", *COLUMNS, "-o", "report.html", "--quiet")
     assert ended.code == 0, ended.err
-
-
-def test_several_axes_are_not_compared_with_a_log_of_one(
-    room: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(room)
-    columns = ("--force", "force_x", "--position", "position_x")
-    ended = haptune("verify", "profile.yaml", "log.csv", *columns)
-    assert ended.code == 2
-    assert "of 2 axes" in ended.err
 
 
 def test_a_hand_on_several_axes_is_refused(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -759,3 +749,151 @@ def nothing_grows(
 def _folder(path: Path) -> Path:
     path.mkdir()
     return path
+
+
+#: The bundled device in the plane, and the directions in which it is lightest and heaviest.
+PLANE = ident.load_mapping(bundled_path("planar.truth.yaml"))
+LIGHT, HEAVY = np.linalg.eigh(np.array(PLANE["mass"]))[1].T
+#: Part of the full gain, the sample at which the hand lets go, and s until it has.
+GAIN, GONE, RELEASE = 0.9, 700, 0.702
+
+
+def played(
+    guard: GuardOfAxes,
+    bits: dict[str, int],
+    hand: FloatArray,
+    *,
+    element: str = "rubber",
+    normal: FloatArray | None = None,
+    told: tuple[float, float] = (1.0, 1.0),
+) -> ident.Trajectories:
+    """What the guard commands at a gain while a hand holds the true device with a force, lets go.
+
+    Forces reach the motors, and the log, times those told of each axis.
+    """
+    rig = RigOfAxes(
+        mass=np.array([PLANE["mass"]]),
+        damping=np.array([PLANE["damping"]]),
+        coulomb_friction=np.array([PLANE["coulomb_friction"]]),
+        sample_time=STEP,
+        delay=STEP,
+        encoder_resolution=6e-6,
+    )
+    guard.start()
+    chosen = 0 if normal is not None else bits[element]
+    if normal is None:
+        assert guard.enter(chosen) == "OK"
+    else:
+        assert guard.place(0, bits[element], normal.tolist(), 0.0) == "OK"
+    commands: list[FloatArray] = []
+
+    def law(k: int, seen: FloatArray) -> FloatArray:
+        reply = guard.push(chosen, int(normal is not None), k, seen[0].tolist(), GAIN)
+        commands.append(np.array(reply.force) * told)
+        return commands[-1][None]
+
+    pushed = np.zeros((1, 2500, 2))
+    pushed[0, :GONE] = hand
+    position = rig.run(pushed, law=law).position[0]
+    force: FloatArray = np.round(np.array(commands), 5).astype(np.float64)
+    return ident.Trajectories(
+        axes=tuple(
+            ident.Trajectory(
+                time=np.linspace(0.0, 2499 * STEP, 2500),
+                force=force[:, place],
+                position=position[:, place],
+                axis=axis,
+                motion="linear",
+                may_stand=True,
+            )
+            for place, axis in enumerate("xy")
+        )
+    )
+
+
+@pytest.mark.parametrize("way", [LIGHT, HEAVY], ids=["light", "heavy"])
+def test_a_spring_let_go_along_a_principal_axis_agrees(
+    way: FloatArray, profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    seen = verify(profile, played(guard, bits, 7.5 * way), release=RELEASE)
+    assert seen.elements == ("rubber",)
+    assert seen.assessed
+    assert not seen.disagreements
+    assert seen.gain == pytest.approx(GAIN, rel=1e-4)
+    assert abs(np.dot(seen.direction or (), way)) > 0.99
+    assert seen.motion is not None
+    assert seen.motion.measured is not None
+    K = GAIN * profile.elements["rubber"].stiffness
+    hertz = np.sqrt(K / (way @ np.array(PLANE["mass"]) @ way)) / (2 * np.pi)
+    assert seen.motion.measured.frequency == pytest.approx(hertz, rel=0.02)
+
+
+def test_a_wall_askew_is_seen_with_its_normal(
+    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    normal = np.array([0.6, 0.8])
+    log = played(guard, bits, np.array([-4.0, -3.0]), element="wall", normal=normal)
+    seen = verify(profile, log, release=RELEASE)
+    assert seen.direction == pytest.approx(normal, abs=1e-4)
+    found = {each.check: each.verdict for each in seen.outcomes}
+    assert [found[check] for check in ("encoder", "law", "gain", "across")] == ["agrees"] * 4
+    # A force beside the wall that is none of its own.
+    bent = replace(log.axes[0], force=log.axes[0].force + 0.2 * np.sin(40 * log.axes[0].time))
+    found = {
+        each.check: each.verdict
+        for each in verify(profile, replace(log, axes=(bent, log.axes[1]))).outcomes
+    }
+    assert "disagrees" in {found["law"], found["across"]}
+
+
+def test_a_gain_of_one_axis_is_told_from_that_of_all(
+    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    log = played(guard, bits, 7.5 * LIGHT, told=(1.0, 0.9))
+    across = next(e for e in verify(profile, log, release=RELEASE).outcomes if e.check == "across")
+    assert across.verdict == "disagrees"
+    assert "same gain on all axes" in across.remedy
+
+
+def test_motion_that_leaves_its_line_tells_the_law_only(
+    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+) -> None:
+    """Far from a principal axis both swing, each at its own frequency."""
+    log = played(guard, bits, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
+    seen = verify(profile, log, release=RELEASE)
+    found = {each.check: each for each in seen.outcomes}
+    assert found["law"].verdict == found["across"].verdict == "agrees"
+    assert not seen.assessed
+    assert "principal direction" in found["frequency"].seen
+
+
+def test_verify_compares_and_plans_along_principal_axes(
+    room: Path,
+    bits: dict[str, int],
+    guard: GuardOfAxes,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(room)
+    log = played(guard, bits, 7.5 * HEAVY)
+    columns = [log.axes[0].time, *(a.force for a in log.axes), *(a.position for a in log.axes)]
+    names = "time,force_x,force_y,position_x,position_y"
+    np.savetxt("played.csv", np.column_stack(columns), "%.9g", ",", header=names, comments="")
+    ended = haptune(
+        "verify", "profile.yaml", "played.csv", *COLUMNS, "--release", str(RELEASE), "--json"
+    )
+    assert ended.code == 0, ended.out + ended.err
+    told = json.loads(ended.out)["details"]
+    assert abs(np.dot(told["direction"], HEAVY)) > 0.99
+    assert told["elements"] == ["rubber"]
+    ended = haptune("verify", "profile.yaml", "--element", "rubber", "--json")
+    assert ended.code == 0, ended.err
+    ways = [each["play"]["direction"] for each in json.loads(ended.out)["details"]["play"]]
+    assert np.abs(np.array(ways) @ np.array([LIGHT, HEAVY]).T) == pytest.approx(np.eye(2), abs=0.1)
+    ended = haptune("verify", "profile.yaml", "played.csv", *COLUMNS, "--element", "wall+water")
+    assert ended.code == 2
+    assert "Play and compare the wall alone" in ended.err
+    ended = haptune(
+        "verify", "profile.yaml", "played.csv", "--force", "force_x", "--position", "position_x"
+    )
+    assert ended.code == 2
+    assert "of all axes in this order" in ended.err

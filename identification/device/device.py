@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from os import PathLike, fspath
 from os.path import exists, isfile
 from pathlib import Path
@@ -434,21 +434,23 @@ class Device(Document):
             freedom = self.covariance.degrees_of_freedom
         return widening(count, freedom, confidence)
 
-    def along(self, axis: str) -> Device:
-        """One axis of several as if the others never moved, by the first pose."""
-        if self.axes is None or self.poses is None or axis not in self.axes:
+    def along(self, direction: Sequence[float]) -> Device:
+        """One axis of several: its motion in a direction, a unit vector; one axis is itself.
+
+        Best estimates are those of the first pose while nothing moves across. Intervals span all
+        poses, and what moves across freely where all force acts along the direction.
+        """
+        if self.axes is None or self.poses is None:
             return self
-        place, pose = self.axes.index(axis), self.poses[0]
-        rough, offset = pose.coulomb_friction[place], pose.force_offset[place]
-        changes = {
-            "axis": axis,
-            "axes": None,
-            "poses": None,
-            "mass": quantity(pose.mass[place][place]),
-            "damping": quantity(pose.damping[place][place]),
-            "coulomb_friction": quantity(rough),
-            "force_offset": quantity(offset),
-        }
+        ends = [pose.along(direction) for pose in self.poses]
+        changes: dict[str, object] = {"axis": ",".join(self.axes), "axes": None, "poses": None}
+        for name, ranges in zip(("mass", "damping"), zip(*ends, strict=True), strict=True):
+            value = ranges[0].value
+            low, high = min(each.low for each in ranges), max(each.high for each in ranges)
+            changes[name] = quantity(value, min(low, value), max(high, value))
+        pose, unit = self.poses[0], np.array(direction)
+        changes["coulomb_friction"] = quantity(float(np.abs(unit) @ pose.coulomb_friction))
+        changes["force_offset"] = quantity(float(unit @ pose.force_offset))
         return self.model_copy(update=changes)
 
     @property

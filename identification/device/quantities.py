@@ -309,6 +309,31 @@ class Pose(Document):
         covariance = tuple(row[part] for row in self.covariance.matrix[part])
         return _extremes(matrix, covariance, deviations, positive=which == "mass")
 
+    def along(self, direction: Sequence[float]) -> tuple[Quantity, Quantity]:
+        """Mass and damping of motion in a direction, a unit vector n, with 95 % intervals.
+
+        The values vᵀΛv and vᵀDv are those of v = n, where nothing moves across. The intervals span
+        v = Λ⁻¹n/(nᵀΛ⁻¹n) too, which a force along n makes of a device that is free across.
+        """
+        unit, joint = np.array(direction), np.array(self.covariance.matrix)
+        free = np.linalg.solve(np.array(self.mass), unit)
+        rows, columns = np.triu_indices(unit.size)
+        twice, size = np.where(rows == columns, 1.0, 2.0), rows.size
+        found: list[Quantity] = []
+        for which, part in (("mass", slice(0, size)), ("damping", slice(size, 2 * size))):
+            ends: list[tuple[float, float, float]] = []
+            for v in (unit, free / (unit @ free)):
+                weights = v[rows] * v[columns] * twice
+                value = float(v @ np.array(getattr(self, which)) @ v)
+                half = self.deviations() * math.sqrt(weights @ joint[part, part] @ weights)
+                low, high = value - half, value + half
+                if which == "mass":  # which cannot be negative
+                    low, high = value * math.exp(-half / value), value * math.exp(half / value)
+                ends.append((value, low, high))
+            lows, highs = [low for _, low, _ in ends], [high for *_, high in ends]
+            found.append(quantity(ends[0][0], min(lows), max(highs)))
+        return found[0], found[1]
+
     def deviations(self, confidence: float | None = None) -> float:
         """Standard deviations to a 95 % interval, or to a joint region of all that is estimated."""
         freedom = self.covariance.degrees_of_freedom

@@ -94,7 +94,8 @@ def load_log(
     found = (columns or LogColumns()).by_axis(axes)
     if len(found) == 1:
         return load_trajectory(path, found[0], motion=motion, axis=axis)
-    return Trajectories(axes=tuple(load_trajectory(path, each, motion=motion) for each in found))
+    axes = (load_trajectory(path, each, motion=motion, may_stand=True) for each in found)
+    return Trajectories(axes=tuple(axes))
 
 
 def load_trajectory(
@@ -103,6 +104,7 @@ def load_trajectory(
     *,
     motion: Motion | None = None,
     axis: str | None = None,
+    may_stand: bool = False,
 ) -> Trajectory:
     """Read one log.
 
@@ -112,6 +114,7 @@ def load_trajectory(
         columns: names and gains; None means LogColumns().
         motion: "linear" (N, m) or "rotary" (N·m, rad); None leaves it to the hardware.
         axis: name of the axis; None takes ``columns.axis``, then "x".
+        may_stand: whether the axis may stand still, beside others that are driven.
 
     Returns:
         Trajectory in SI units with the digest of the file. Empty cells become NaN, which
@@ -153,6 +156,7 @@ def load_trajectory(
         read_as=", ".join((*reading.notes, *notes)),
         source=printable(path.name),
         digest=digest,
+        may_stand=may_stand,
     )
     _refuse_clock(trajectory, reading.names["time"])
     refuse_sizes(trajectory)

@@ -475,28 +475,27 @@ def verify_command(
         return
     session.target(picture, profile, log)
     safe = load_profile(profile)
-    columns = options.columns()
-    trajectory = ident.load_trajectory(
-        log, columns, motion=safe.device.motion, axis=columns.axis or safe.device.axis
-    )
+    columns, device = options.columns(), safe.device
+    axis = columns.axis or (None if device.axes else device.axis)
+    trajectory = ident.load_log(log, columns, motion=device.motion, axis=axis, axes=device.axes)
     tell_reading(session, trajectory)
     with session.progress() as say:
         say(f"comparing {log.name} with {profile.name}")
         seen = verify(safe, trajectory, element=element, gain=gain, release=release)
-        others = margins_of_others(safe, seen.delay, say)
+        others = margins_of_others(seen.profile, seen.delay, say)
     session.say(_verification_table(seen))
     session.details |= _verification_details(seen, others)
-    session.draw(picture, lambda: verification_picture(safe, seen))
+    session.draw(picture, lambda: verification_picture(seen))
     if seen.disagreements:
         lines = [f"{seen.source} is not as the profile predicts"]
         for each in seen.disagreements:
             lines += [f"  {each.summary}", *([f"    {each.remedy}"] if each.remedy else [])]
         raise CheckFailedError(("\n".join(lines),))
     if not seen.assessed:
-        seen.refuse_unassessed(_advice(session, safe, seen))
+        seen.refuse_unassessed(_advice(session, seen))
     session.say(
         f"{log.name} behaves as {profile.name} predicts, where it was assessed: "
-        f"{'+'.join(seen.elements)} keeps its margin at every delay that the log allows"
+        f"{seen.played} keeps its margin at every delay that the log allows"
     )
     session.say_each(
         f"it does not tell this of {'+'.join(each.elements)}: were the delay "
@@ -507,32 +506,34 @@ def verify_command(
 
 
 def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
-    """What to play for every element, or for the one named."""
+    """What to play for every element, or for the one named, in each principal direction."""
     from tune.presentation.tables import headed_table
-    from tune.verification import advise
-    from tune.verification.law import combinations_of
+    from tune.verification import advise, along, comparable, principal_directions
 
-    targets = None if element is None else combinations_of(safe, element)
-    with session.progress() as say:
-        advice = advise(safe, targets, say)
-    table = headed_table("what to play", ("to verify", "play"))
-    for each in advice:
-        table.add_row(" + ".join(each.elements), each.words(safe.device.motion))
-    session.say(table)
-    session.details["play"] = _advice_details(advice)
+    details: list[dict[str, object]] = []
+    for direction, design in principal_directions(safe):
+        with session.progress() as say:
+            advice = advise(design, comparable(design, direction, element), say)
+        where = along(design, direction)
+        table = headed_table(f"what to play{where}", ("to verify", "play"))
+        for each in advice:
+            table.add_row(" + ".join(each.elements), each.words(design.device.motion))
+        session.say(table)
+        details += _advice_details(advice, direction)
+    session.details["play"] = details
 
 
-def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
+def _advice(session: Session, seen: Verification) -> str:
     """What to do where the log of a combination cannot tell."""
     from tune.verification import advise
 
     with session.progress() as say:
-        (advice,) = advise(safe, (seen.elements,), say)
-    session.details["play"] = _advice_details((advice,))
+        (advice,) = advise(seen.profile, (seen.elements,), say)
+    session.details["play"] = _advice_details((advice,), seen.direction)
     allowed, play = seen.delay.allowed, advice.play
     more = play is not None and (play.elements != seen.elements or play.gain > _MORE * seen.gain)
     if more or allowed is None or allowed.delays is None:
-        return f"Instead: {advice.words(safe.device.motion)}."
+        return f"Instead: {advice.words(seen.profile.device.motion)}."
     low, high = allowed.delays
     return (
         f"No gain tells more; state the delay of the device as {low:.3g} to {high:.3g} samples "
@@ -540,12 +541,14 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
     )
 
 
-def _advice_details(advice: Iterable[Advice]) -> list[dict[str, object]]:
+def _advice_details(
+    advice: Iterable[Advice], direction: tuple[float, ...] | None
+) -> list[dict[str, object]]:
     def play(each: Advice) -> dict[str, object] | None:
         if each.play is None:
             return None
         told = asdict(each.play)
-        return {"combination": told.pop("elements"), **told}
+        return {"combination": told.pop("elements"), "direction": direction, **told}
 
     return [{"to_verify": e.elements, "play": play(e), "why": e.why} for e in advice]
 
@@ -554,7 +557,7 @@ def _verification_table(seen: Verification) -> Table:
     from tune.presentation.tables import headed_table
 
     table = headed_table(
-        f"{seen.source}: {'+'.join(seen.elements)}",
+        f"{seen.source}: {seen.played}",
         ("check", "verdict", "seen", "predicted", "tolerance"),
     )
     for column in table.columns[:2]:
@@ -569,6 +572,7 @@ def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[
     return {
         "log": seen.source,
         "elements": seen.elements,
+        "direction": seen.direction,
         "gain": seen.gain,
         "checks": seen.outcomes,
         "filters": seen.cutoffs,

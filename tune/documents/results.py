@@ -201,6 +201,7 @@ class VerifyDetails(Details, total=False):
 
     log: str
     elements: list[str]
+    direction: list[float] | None
     gain: float | None
     checks: list[Check]
     filters: list[dict[str, Any]]

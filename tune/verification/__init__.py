@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Finding, LogRefusedError, Trajectory, UsageError
+from identification import Finding, LogRefusedError, Trajectories, Trajectory, UsageError
 from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
@@ -33,16 +33,24 @@ from tune.verification.delay import (
     margins_of_others,
     unknown_delay,
 )
+from tune.verification.directions import (
+    along,
+    comparable,
+    judge_across,
+    leading_direction,
+    principal_directions,
+    straightness,
+    turned_to,
+)
 from tune.verification.law import (
     MeasuredCutoff,
     Outcome,
     combination_in_words,
-    combinations_of,
     measured_cutoffs,
     rms,
     unassessed_outcome,
 )
-from tune.verification.measured_law import MeasuredLaw, decimal_digit, judge_law
+from tune.verification.measured_law import MeasuredLaw, digits_of, judge_law
 from tune.verification.motion import MeasuredMotion, judge_motion
 
 if TYPE_CHECKING:
@@ -55,7 +63,10 @@ __all__ = [
     "Outcome",
     "Verification",
     "advise",
+    "along",
+    "comparable",
     "margins_of_others",
+    "principal_directions",
     "verification_picture",
     "verify",
 ]
@@ -74,6 +85,8 @@ _LOST = 1.5
 #: rms of the steps about their mean, as part of it, above which backward differences are not those
 #: of an even clock.
 _MOST_JITTER = 0.05
+#: Of what the axes say of their encoders, the first of these is told.
+_WORST = ("disagrees", "agrees", "cannot tell", "not assessed")
 #: What the loop of a profile predicts of its motion, and of its slow mode.
 _OF_THE_MOTION = ("frequency", "decay", "ripple")
 _OF_THE_MODE = {"frequency", "decay"}
@@ -106,18 +119,23 @@ class Verification:
 
     Attributes:
         source: the log.
+        profile: that the log was compared with; of several axes, on the device in one direction.
+        direction: of most of the force, a unit vector over the axes; None of one axis.
         elements: that were played.
         gain: part of the profile's effects that was played; nan where no law was recognised.
-        outcomes: encoder, law, gain, filters, frequency, decay, ripple and delay, in this order.
+        outcomes: encoder, law, gain, filters, frequency, decay, ripple and delay, in this order;
+            of several axes "across" follows the gain.
         law: the law that was seen.
         cutoffs: intervals of the filters in use.
         motion: the free motion that was seen; None where no law says what to expect.
         delay: what is known of the delay, and of which elements the log tells that they keep their
             margin.
-        trajectory: the log.
+        trajectory: the log, in the direction.
     """
 
     source: str
+    profile: Design
+    direction: tuple[float, ...] | None
     elements: tuple[str, ...]
     gain: float
     outcomes: tuple[Outcome, ...]
@@ -133,6 +151,11 @@ class Verification:
             f"Verification({self.source}: {'+'.join(self.elements)} at gain {self.gain:.3g}; "
             f"{verdicts})"
         )
+
+    @property
+    def played(self) -> str:
+        """The elements that were played and, of several axes, in which direction."""
+        return f"{combination_in_words(self.elements)}{along(self.profile, self.direction)}"
 
     @property
     def disagreements(self) -> tuple[Outcome, ...]:
@@ -179,13 +202,16 @@ class Verification:
 
 def verify(
     profile: Design,
-    trajectory: Trajectory,
+    trajectory: Trajectory | Trajectories,
     *,
     element: str | None = None,
     gain: float | None = None,
     release: float | None = None,
 ) -> Verification:
     """Compare a closed-loop log with what its profile predicts.
+
+    A log of several axes is compared in the direction of most of its force, with the device as it
+    moves there; across it the force must be that of the same elements, and of no wall.
 
     Args:
         profile: of the device the log was taken on.
@@ -196,32 +222,44 @@ def verify(
         release: s, in the time of the log, when the hand is off; None is the largest deviation.
 
     Raises:
-        UsageError: an element that is not in the profile, a log of another axis.
+        UsageError: an element that is not in the profile, a log of other axes.
         LogRefusedError: rows lost, an uneven clock, another sample time.
         CheckFailedError: a device that no effect can be certified on.
     """
     refuse_unbalanced(profile.device)
     _check_request(profile, trajectory, gain, release)
-    _check_clock(profile, trajectory)
-    law = judge_law(profile, combinations_of(profile, element), trajectory, gain)
+    axes = trajectory.axes if isinstance(trajectory, Trajectories) else (trajectory,)
+    _check_clock(profile, axes[0])
+    encoders = [_encoder(profile, each) for each in axes]
+    direction, line = None, axes[0]
+    if isinstance(trajectory, Trajectories):
+        direction = leading_direction([each.force for each in axes])
+        profile = profile.model_copy(update={"device": profile.device.along(direction)})
+        line = turned_to(trajectory, direction)
+    digits = digits_of(profile, axes, direction or (1.0,))
+    law = judge_law(profile, comparable(profile, direction, element), line, gain, digits)
+    told = list(law.outcomes)
+    why = "" if law.effects is not None and law.gain > 0 else "no law is known that was played"
+    if direction is not None:
+        told.append(judge_across(profile, axes, direction, law, digits))
+        why = why or straightness(profile, axes, direction, law)
     motion: MeasuredMotion | None = None
     cutoffs: tuple[MeasuredCutoff, ...] = ()
-    if law.effects is None or law.gain <= 0:
-        why = "no law is known that was played"
-        rest = tuple(unassessed_outcome(check, why) for check in _OF_THE_MOTION)
-        delay = unknown_delay(why)
-    else:
+    rest = tuple(unassessed_outcome(check, why) for check in _OF_THE_MOTION)
+    delay = unknown_delay(why)
+    if not why and law.effects is not None:
         try:
             motion = judge_motion(
                 profile.device,
                 law.loop,
                 law.effects,
-                trajectory.position,
+                line.position,
                 law.log.used,
-                _step(trajectory),
-                0 if release is None else int(np.searchsorted(trajectory.time, release)),
+                _step(line),
+                0 if release is None else int(np.searchsorted(line.time, release)),
             )
-            rest = (*motion.outcomes, _ripple(profile, trajectory, law.loop, law.effects, motion))
+            ripple = _ripple(profile, line, law.loop, law.effects, motion, digits.force)
+            rest = (*motion.outcomes, ripple)
             if law.outcomes[0].verdict == "agrees":
                 cutoffs = measured_cutoffs(law.log, law.loop, law.effects)
                 delay = judge_delay(
@@ -233,36 +271,42 @@ def verify(
             rest = tuple(unassessed_outcome(check, str(error)) for check in _OF_THE_MOTION)
             delay = unknown_delay(str(error))
     filters = tuple(each.outcome for each in cutoffs)
+    worst = min(encoders, key=lambda each: _WORST.index(each.verdict))
     return Verification(
         source=trajectory.source,
+        profile=profile,
+        direction=direction,
         elements=law.elements,
         gain=law.gain,
-        outcomes=(_encoder(profile, trajectory), *law.outcomes, *filters, *rest, delay.outcome),
+        outcomes=(worst, *told, *filters, *rest, delay.outcome),
         law=law,
         cutoffs=cutoffs,
         motion=motion,
         delay=delay,
-        trajectory=trajectory,
+        trajectory=line,
     )
 
 
 def _check_request(
-    profile: Design, trajectory: Trajectory, gain: float | None, release: float | None
+    profile: Design,
+    trajectory: Trajectory | Trajectories,
+    gain: float | None,
+    release: float | None,
 ) -> None:
     device = profile.device
+    remedy = "Give the log and the profile of one axis"
     if device.axes is not None:
-        what = f"the profile is of {len(device.axes)} axes"
-        raise UsageError("profile", what, "Only profiles of one axis are compared with logs")
+        remedy = "Give --force and --position of all axes in this order, with commas between"
     for name, seen, known in (
-        ("--axis", trajectory.axis, device.axis),
+        ("--axis", trajectory.axis, ",".join(device.axes or (device.axis,))),
         ("motion", trajectory.motion, device.motion),
     ):
         if seen is not None and seen != known:
-            what = f"the log is of {seen}, the profile of {known}"
-            raise UsageError(name, what, "Give the log and the profile of one axis")
+            raise UsageError(name, f"the log is of {seen}, the profile of {known}", remedy)
     if gain is not None and not (np.isfinite(gain) and gain > 0):
         raise UsageError("--gain", f"{gain:g} is no gain", "Give a number above 0, usually below 1")
-    begin, end = float(trajectory.time[0]), float(trajectory.time[-1])
+    time = trajectory.axes[0].time if isinstance(trajectory, Trajectories) else trajectory.time
+    begin, end = float(time[0]), float(time[-1])
     if release is not None and not begin <= release < end:
         seen = f"{release:g} s is outside of the log, {begin:g} to {end:g} s"
         raise UsageError("--release", seen, "Give the instant in the time of the log")
@@ -313,6 +357,8 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
     if known is None:
         return unassessed_outcome("encoder", "the resolution is not in the device")
     apart = np.diff(np.unique(trajectory.position))
+    if not apart.size:
+        return unassessed_outcome("encoder", "the axis does not move")
     counts = np.rint(apart / apart.min())
     count = float(np.sum(apart) / np.sum(counts))  # the mean, as readings may have few digits
     if np.any(np.abs(apart / count - counts) > _ON_GRID):
@@ -340,6 +386,7 @@ def _ripple(
     loop: LoopProfile,
     effects: Effects,
     motion: MeasuredMotion,
+    force_digit: float,
 ) -> Outcome:
     """The ripple of the force while the handle moves freely, seen in differences, and predicted."""
     release, measured, known = motion.release, motion.measured, profile.device.encoder_resolution
@@ -359,7 +406,6 @@ def _ripple(
     power = (_force_per_position(built, effects, turn) * resolution) ** 2 / 12
     weight = (2 * np.sin(turn / 2)) ** (2 * _ORDER)
     predicted, of_differences = (float(np.sqrt(np.mean(power * each))) for each in (1.0, weight))
-    force_digit = decimal_digit(trajectory.force)
     if of_differences < force_digit * np.sqrt(np.mean(weight)):
         return unassessed_outcome(
             "ripple",
@@ -402,13 +448,14 @@ def _force_per_position(loop: Loop, effects: Effects, turn: FloatArray) -> Float
     return np.abs(through / value_at(closed, v)) / float(loop.scales[0])
 
 
-def verification_picture(profile: Design, seen: Verification) -> Figure:
+def verification_picture(seen: Verification) -> Figure:
     """Motion and the mode fitted to it, force beside its law, what the law leaves; verdicts."""
     from identification import NotebookFigure, legend_above
 
     figure = NotebookFigure(figsize=_INCHES, layout="constrained")
     above, below, left = figure.subplots(3, 1, sharex=True)
-    units = UNITS[profile.device.motion]
+    device = seen.profile.device
+    units = UNITS[device.motion]
     _motion(above, seen)
     above.set_ylabel(f"position, {units['length']}")
     time, said = seen.trajectory.time, "law of the profile on the logged positions"
@@ -421,7 +468,7 @@ def verification_picture(profile: Design, seen: Verification) -> Figure:
     for axes in (above, below, left):
         legend_above(axes)
     gain = f" at gain {seen.gain:.3g}" if np.isfinite(seen.gain) else ""
-    title = f"{seen.source}: {combination_in_words(seen.elements)}{gain} on {profile.device.name}"
+    title = f"{seen.source}: {seen.played}{gain} on {device.name}"
     verdicts = "; ".join(f"{each.check}: {each.verdict}" for each in seen.outcomes)
     figure.suptitle(f"{title}\n{fill(verdicts, _LETTERS)}", fontsize=10)
     return figure

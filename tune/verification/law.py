@@ -209,7 +209,7 @@ class Log:
 
 def fit_scaled(columns: Columns, effects: Effects) -> LawFit:
     """The one gain at which these effects explain the force best."""
-    commanded = _force_of(effects, columns.parts)
+    commanded = force_of(effects, columns.parts)
     energy = float(commanded @ commanded)
     gain = -float(commanded @ columns.force) / energy if energy > 0 else 0.0
     left = columns.force + gain * commanded
@@ -227,11 +227,19 @@ def fit_free(columns: Columns) -> tuple[Effects, float]:
     return Effects(stiffness=K, damping=B, mass=M), rms(left)
 
 
-def noise_gain(effects: Effects, loop: LoopProfile) -> float:
-    """rms of force per rms of white noise on every position reading, N/m."""
-    knock = np.zeros(8 + (loop.velocity_window_samples or 0) + _forgetting(loop, 8.0))
-    knock[1] = 1.0  # after one row of rest, so that the knock itself is a change
-    return float(np.linalg.norm(_force_of(effects, (knock, *_estimates(knock, loop)))))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Digits:
+    """The last printed digits of a log, N and m; 0 where nothing is rounded."""
+
+    force: float
+    position: float
+
+    def noise(self, effects: Effects, loop: LoopProfile) -> float:
+        """rms of force that their rounding explains under a law, N."""
+        knock = np.zeros(8 + (loop.velocity_window_samples or 0) + _forgetting(loop, 8.0))
+        knock[1] = 1.0  # after one row of rest, so that the knock itself is a change
+        gain = np.linalg.norm(force_of(effects, (knock, *_estimates(knock, loop))))
+        return float(np.hypot(self.force, self.position * gain) / np.sqrt(12))
 
 
 def _forgetting(loop: LoopProfile, constants: float) -> int:
@@ -252,7 +260,7 @@ def stretches(rows: Rows) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _force_of(effects: Effects, parts: tuple[FloatArray, ...]) -> FloatArray:
+def force_of(effects: Effects, parts: tuple[FloatArray, ...]) -> FloatArray:
     """K·y + B·v + M·a, N."""
     commanded = np.zeros_like(parts[0])
     for size, part in zip(effects.arrays(), parts, strict=True):

@@ -6,7 +6,7 @@ filters, effects that are not scaled alike.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, UNITS, Effects
 from tune.verification.law import (
     Combination,
+    Digits,
     LawFit,
     Log,
     Outcome,
@@ -25,7 +26,6 @@ from tune.verification.law import (
     effects_of,
     fit_free,
     fit_scaled,
-    noise_gain,
     rms,
     scale_effects,
     stretches,
@@ -36,11 +36,11 @@ FloatArray = NDArray[np.float64]
 Combinations = dict[Combination, Effects]
 
 #: Part of the force that may stay unexplained where no other law explains it better.
-_MISFIT = 0.01
+MISFIT = 0.01
 #: A residual of this part of the force is none: single precision has no more digits.
 _SINGLE = 1e-6
 #: Rounding of slow positions is no white noise; it leaves up to this many times as much.
-_ROUNDING = 3.0
+ROUNDING = 3.0
 #: Elements whose laws fit within this factor of the best fit are told apart by their gain.
 _ALIKE = 1.5
 #: Force at its limit within this part is saturated.
@@ -94,10 +94,12 @@ def judge_law(
     combinations: tuple[Combination, ...],
     trajectory: Trajectory,
     gain: float | None,
+    digits: Digits,
 ) -> MeasuredLaw:
     """Compare the logged force with the law of each combination that may have been played.
 
-    The gain is that at which it was played, or None where the user did not say.
+    The gain is that at which it was played, or None where the user did not say. Force and position
+    are printed to ``digits``.
     """
     force, position = trajectory.force, trajectory.position
     used = _rows_of_the_law(profile, force, position)
@@ -132,8 +134,8 @@ def judge_law(
         ):
             found = None
     scaled = scale_effects(effects[combination], fit.gain)
-    rounded = _ROUNDING * _rounding(profile, force, position, scaled)
-    agrees = found is None and fit.residual <= max(rounded, _MISFIT * columns.scale)
+    rounded = ROUNDING * digits.noise(scaled, profile.loop)
+    agrees = found is None and fit.residual <= max(rounded, MISFIT * columns.scale)
     unit = UNITS[profile.device.motion]["force"]
     outcome = _law_outcome(fit, columns.scale, found, combination, unit, agrees=agrees)
     predicted = np.full(force.size, np.nan)
@@ -159,16 +161,33 @@ def judge_law(
     )
 
 
-def decimal_digit(column: FloatArray) -> float:
-    """The decimal digit all values are multiples of; 0 where none of the first twelve is.
+def digits_of(profile: Design, axes: Sequence[Trajectory], direction: Sequence[float]) -> Digits:
+    """What rounding to the printed digits leaves of a log in a direction, a unit vector."""
+    force = [part * _decimal_digit(each.force) for part, each in zip(direction, axes, strict=True)]
+    position = [
+        part * _position_digit(profile, each.position)
+        for part, each in zip(direction, axes, strict=True)
+    ]
+    return Digits(force=float(np.linalg.norm(force)), position=float(np.linalg.norm(position)))
 
-    The column has shape (rows,), any unit, which the answer shares.
-    """
+
+def _decimal_digit(column: FloatArray) -> float:
+    """The decimal digit all values are multiples of; 0 where none of the first twelve is."""
     for power in range(_MOST_DIGITS):
         shifted = column * 10.0**power
         if np.all(np.abs(shifted - np.rint(shifted)) < _WHOLE):
             return 10.0**-power
     return 0.0
+
+
+def _position_digit(profile: Design, position: FloatArray) -> float:
+    """That of positions; 0 where they are whole counts, printed exactly."""
+    resolution, digit = profile.device.encoder_resolution, _decimal_digit(position)
+    if resolution is not None and digit > 0:
+        counts = position / resolution.value
+        if np.all(np.abs(counts - np.rint(counts)) * resolution.value < _WHOLE * digit):
+            return 0.0
+    return digit
 
 
 def _rows_of_the_law(profile: Design, force: FloatArray, position: FloatArray) -> NDArray[np.bool_]:
@@ -205,19 +224,6 @@ def _alike(fits: dict[Combination, LawFit], gain: float | None, floor: float) ->
     return sorted(alike, key=unlikely)
 
 
-def _rounding(profile: Design, force: FloatArray, position: FloatArray, effects: Effects) -> float:
-    """rms of force that rounding to the printed digits explains, N."""
-    rounding = decimal_digit(force) / np.sqrt(12)
-    resolution = profile.device.encoder_resolution
-    digit = decimal_digit(position)
-    if resolution is not None and digit > 0:
-        counts = position / resolution.value
-        if np.all(np.abs(counts - np.rint(counts)) * resolution.value < _WHOLE * digit):
-            digit = 0.0  # whole counts, printed exactly
-    moved = digit / np.sqrt(12) * noise_gain(effects, profile.loop)
-    return float(np.hypot(rounding, moved))
-
-
 def _law_outcome(
     fit: LawFit,
     scale: float,
@@ -228,7 +234,7 @@ def _law_outcome(
     agrees: bool,
 ) -> Outcome:
     seen = f"{fit.residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
-    numbers = {"seen": fit.residual, "scale": scale, "tolerance": _MISFIT}
+    numbers = {"seen": fit.residual, "scale": scale, "tolerance": MISFIT}
     remedy = ""
     if found is not None:
         seen += f"; {found.law.words} ({found.residual:.2g} {unit} unexplained)"
@@ -246,7 +252,7 @@ def _law_outcome(
         seen=seen,
         predicted=f"-gain·(K·y + B·v + M·a) of {combination_in_words(combination)} with the "
         "filters of the profile",
-        tolerance=f"{_MISFIT:.0%} unexplained, and no other law that explains it better",
+        tolerance=f"{MISFIT:.0%} unexplained, and no other law that explains it better",
         remedy=remedy,
         numbers=numbers,
     )

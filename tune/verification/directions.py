@@ -1,0 +1,175 @@
+"""A log of several axes in the direction of its force, and what must be true across it.
+
+Effects are the same in every direction, so that the force in one is the law of one axis on the
+positions in it. Across, walls do nothing. The motion there is that of one axis too while it stays
+on its line, or only walls push.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification import Trajectories, Trajectory, UsageError
+from tune.documents.profile import Design
+from tune.documents.scene import UNITS
+from tune.verification.law import (
+    Combination,
+    Digits,
+    Log,
+    Outcome,
+    combinations_of,
+    effects_of,
+    force_of,
+    rms,
+    scale_effects,
+    unassessed_outcome,
+)
+from tune.verification.measured_law import MISFIT, ROUNDING, MeasuredLaw
+
+FloatArray = NDArray[np.float64]
+
+#: Motion across, part of that along, beyond which it is not the motion of one axis.
+_BENT = 0.1
+
+
+def leading_direction(forces: Sequence[FloatArray]) -> tuple[float, ...]:
+    """Unit vector of the direction in which forces of axes, N, (n,) each, vary most."""
+    varying = np.stack([each - np.mean(each) for each in forces])
+    unit = np.linalg.svd(varying, full_matrices=False)[0][:, 0]
+    # Where the others have no force, it is that axis.
+    return tuple((unit * np.sign(unit[np.argmax(np.abs(unit))])).tolist())
+
+
+def principal_directions(profile: Design) -> list[tuple[tuple[float, ...] | None, Design]]:
+    """The principal directions of the mass, the lightest first, with the profile on each.
+
+    Of one axis it is the profile itself, without a direction.
+    """
+    device = profile.device
+    if device.poses is None:
+        return [(None, profile)]
+    found: list[tuple[tuple[float, ...] | None, Design]] = []
+    for unit in np.linalg.eigh(np.array(device.poses[0].mass))[1].T:
+        signed = unit * np.sign(unit[np.argmax(np.abs(unit))])
+        changed = {"device": device.along(signed.tolist())}
+        found.append((tuple(signed.tolist()), profile.model_copy(update=changed)))
+    return found
+
+
+def comparable(
+    profile: Design, direction: Sequence[float] | None, element: str | None
+) -> tuple[Combination, ...]:
+    """Combinations that a log may be of, or the one named.
+
+    In a direction of several axes walls stand alone: beside what acts in every direction the force
+    does not tell their normal. Raises UsageError.
+    """
+    found = combinations_of(profile, element)
+    if direction is None:
+        return found
+    kept = tuple(each for each in found if len({name in profile.walls for name in each}) == 1)
+    if not kept:
+        problem = f"'{element}' is a wall beside other elements, which one force does not tell"
+        raise UsageError("--element", problem, "Play and compare the wall alone, then the others")
+    return kept
+
+
+def along(profile: Design, direction: Sequence[float] | None) -> str:
+    """A direction of a profile in words that end a sentence; "" of one axis."""
+    if direction is None:
+        return ""
+    parts = zip(direction, profile.device.axis.split(","), strict=True)
+    return f" along ({', '.join(f'{part:.2f} {axis}' for part, axis in parts)})"
+
+
+def turned_to(log: Trajectories, direction: Sequence[float]) -> Trajectory:
+    """The log of one axis that lies in a direction, a unit vector."""
+    force, position = (
+        np.sum([part * getattr(a, name) for part, a in zip(direction, log.axes, strict=True)], 0)
+        for name in ("force", "position")
+    )
+    return Trajectory(
+        time=log.axes[0].time,
+        force=force,
+        position=position,
+        axis=log.axis,
+        motion=log.motion,
+        source=log.source,
+        digest=log.digest,
+    )
+
+
+def judge_across(
+    profile: Design,
+    axes: Sequence[Trajectory],
+    direction: Sequence[float],
+    law: MeasuredLaw,
+    digits: Digits,
+) -> Outcome:
+    """Is the force across the direction that of the elements that are no walls, at one gain?"""
+    if law.effects is None or np.isnan(law.gain):
+        return unassessed_outcome("across", "no law is known that was played")
+    unit = UNITS[profile.device.motion]["force"]
+    free = effects_of(profile, _without_walls(profile, law.elements))
+    played = scale_effects(free, law.gain)
+    left: list[FloatArray] = []
+    for force, position in _across(axes, direction):
+        log = Log(loop=law.loop, force=force, position=position, used=law.log.used)
+        columns = log.columns(law.loop)
+        if columns is None:
+            return unassessed_outcome("across", "too few rows")
+        if all(size is None for size in free.arrays()):
+            left.append(force[columns.rows])
+        else:
+            left.append(columns.force + force_of(played, columns.parts))
+    scale = rms(law.log.force[law.log.used])
+    seen = float(np.linalg.norm([rms(each) for each in left]))
+    allowed = max(MISFIT * scale, ROUNDING * digits.noise(played, law.loop))
+    agrees = seen <= allowed
+    return Outcome(
+        check="across",
+        verdict="agrees" if agrees else "disagrees",
+        seen=f"{seen:.2g} {unit} rms of {scale:.3g} {unit} unexplained",
+        predicted="no force across a wall; of other elements the law that is seen along",
+        tolerance=f"{allowed:.2g} {unit}",
+        remedy=""
+        if agrees
+        else "Play one element, with one wall of one normal at most, with the same gain on all "
+        "axes; check which motor and encoder each column is of, and their signs.",
+        numbers={"seen": seen, "scale": scale, "tolerance": allowed},
+    )
+
+
+def straightness(
+    profile: Design, axes: Sequence[Trajectory], direction: Sequence[float], law: MeasuredLaw
+) -> str:
+    """Why the motion tells nothing of the device in the direction; "" where it does."""
+    if not _without_walls(profile, law.elements):
+        return ""
+    used = law.log.used
+    along = law.log.position[used]
+    across = [position[used] for _, position in _across(axes, direction)]
+    bent = float(np.linalg.norm([np.std(each) for each in across]) / np.std(along))
+    if bent <= _BENT:
+        return ""
+    return (
+        f"the handle moves across by {bent:.0%} of its motion along; let go in a principal "
+        "direction of the mass, or with the other axes held"
+    )
+
+
+def _without_walls(profile: Design, combination: Combination) -> Combination:
+    return tuple(name for name in combination if name not in profile.walls)
+
+
+def _across(
+    axes: Sequence[Trajectory], direction: Sequence[float]
+) -> list[tuple[FloatArray, FloatArray]]:
+    """(force, position) in each of the directions at right angles."""
+    forces = np.stack([each.force for each in axes])
+    positions = np.stack([each.position for each in axes])
+    others = np.linalg.svd(np.array([direction]))[2][1:]
+    return [(unit @ forces, unit @ positions) for unit in others]

@@ -17,7 +17,7 @@ turns or an axis sticks, ever shorter steps decide dry friction as a complementa
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -409,7 +409,7 @@ class RigOfAxes:
         late = max(self.delay - whole * self.sample_time, 0.0)
         late = 0.0 if late < _WHOLE * self.sample_time else late
         parts = [(late, whole + 1), (self.sample_time - late, whole)]
-        strides = [(_Stride.of(self, span), ago) for span, ago in parts if span > 0]
+        strides = [(_Stride(self, span), ago) for span, ago in parts if span > 0]
         friction = np.broadcast_to(self.coulomb_friction, (batch, axes)).astype(np.float64)
         offset = np.broadcast_to(self.force_offset, (batch, axes))
         counts = np.broadcast_to(self.encoder_resolution, (axes,)).astype(np.float64)
@@ -467,6 +467,7 @@ class Motions:
                     axis=axes[axis],
                     motion="linear",
                     source="simulated",
+                    may_stand=True,
                 )
                 for axis in range(self.force.shape[2])
             )
@@ -477,19 +478,33 @@ class Motions:
 class _Stride:
     """The linear law over a span, over half of it, a quarter, and so on."""
 
-    #: changes of (q, q̇) by each of (q, q̇, force), each shape (batch, 2·axes, 3·axes)
-    changes: list[FloatArray]
+    rig: RigOfAxes
+    span: float  # s
+    #: by which axes stand all the time: changes of (q, q̇) by each of (q, q̇, force), each shape
+    #: (batch, 2·axes, 3·axes), and of speed, per s
+    _known: dict[tuple[bool, ...], tuple[list[FloatArray], FloatArray]] = field(
+        default_factory=dict[tuple[bool, ...], tuple[list[FloatArray], FloatArray]]
+    )
 
-    @classmethod
-    def of(cls, rig: RigOfAxes, span: float) -> _Stride:
-        batch, axes, _ = rig.mass.shape
-        law = np.zeros((batch, 3 * axes, 3 * axes))
-        law[:, :axes, axes : 2 * axes] = np.eye(axes)
-        law[:, axes : 2 * axes, axes : 2 * axes] = -np.linalg.solve(rig.mass, rig.damping)
-        law[:, axes : 2 * axes, 2 * axes :] = np.linalg.inv(rig.mass)
-        spans = np.full(batch, span, dtype=np.float64)
-        found = maps(law, spans, fastest(law), _HALVINGS)
-        return cls([each[:, : 2 * axes] for each in found])
+    def changes(
+        self, stands: tuple[bool, ...], halving: int, members: Indices
+    ) -> tuple[FloatArray, FloatArray]:
+        """Those over span/2^halving of axes some of which stand, whatever the force; and per s."""
+        if stands not in self._known:
+            batch, axes, _ = self.rig.mass.shape
+            moves = np.flatnonzero(~np.array(stands))
+            square = (slice(None), moves[:, None], moves)
+            light = np.zeros_like(self.rig.mass)  # Λ⁻¹ of what moves
+            light[square] = np.linalg.inv(self.rig.mass[square])
+            law = np.zeros((batch, 3 * axes, 3 * axes))
+            law[:, moves, axes + moves] = 1.0
+            law[:, axes : 2 * axes, axes : 2 * axes] = -light @ self.rig.damping
+            law[:, axes : 2 * axes, 2 * axes :] = light
+            spans = np.full(batch, self.span, dtype=np.float64)
+            found = [each[:, : 2 * axes] for each in maps(law, spans, fastest(law), _HALVINGS)]
+            self._known[stands] = found, law[:, axes : 2 * axes, axes:]
+        found, slope = self._known[stands]
+        return found[halving][members], slope[members]
 
     def moved(
         self,
@@ -501,7 +516,7 @@ class _Stride:
     ) -> FloatArray:
         """(q, q̇) of some members after span/2^halving under held forces, through every turn."""
         members = np.arange(len(state)) if members is None else members
-        later, calm = _stepped(self.changes[halving][members], state, acting, friction)
+        later, calm = self._stepped(state, acting, friction, members, halving)
         if halving < _HALVINGS and not calm.all():
             rest = np.flatnonzero(~calm)
             half = state[rest]
@@ -510,35 +525,59 @@ class _Stride:
             later[rest] = half
         return later
 
+    def _stepped(
+        self,
+        state: FloatArray,
+        acting: FloatArray,
+        friction: FloatArray,
+        members: Indices,
+        halving: int,
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """One step whose friction leaves no axis moving against it; where none turned or started.
 
-def _stepped(
-    change: FloatArray, state: FloatArray, acting: FloatArray, friction: FloatArray
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """One step whose friction leaves no axis moving against it, and where none turned in it.
+        The friction held over the step is what brings an axis to rest at its end, if that is
+        within what it can give, else all of it against the motion (Gauss and Seidel, axis by
+        axis). What stands at both ends stands between.
+        """
+        axes = acting.shape[1]
+        change, _ = self.changes((False,) * axes, halving, members)
+        before = state[:, axes:]
+        held = -friction * np.sign(before)
+        slope = change[:, axes:, 2 * axes :]  # speed by force
+        own = np.diagonal(slope, axis1=1, axis2=2)
+        free = _after(change, state, acting)[:, axes:]
+        for _ in range(_SWEEPS):
+            last = held.copy()
+            for axis in range(axes):
+                reached = free[:, axis] + np.sum(slope[:, axis] * held, axis=1)
+                wanted = held[:, axis] - reached / own[:, axis]
+                held[:, axis] = np.clip(wanted, -friction[:, axis], friction[:, axis])
+            if np.array_equal(last, held):
+                break
+        later = _after(change, state, acting + held)
+        rests = np.abs(held) < friction
+        stands = rests & (before == 0)
+        after = later[:, axes:]
+        freed = np.zeros_like(stands)
+        for pattern in np.unique(stands[stands.any(axis=1)], axis=0):
+            which = np.flatnonzero((stands == pattern).all(axis=1))
+            place, force = members[which], (acting + held)[which]
+            change, law = self.changes(tuple(pattern.tolist()), halving, place)
+            later[which] = _after(change, state[which], force)
+            # What holds what stands at the end: all forces less what moves the others.
+            bent = _times(law, np.hstack((after[which], force)))
+            pull = _times(self.rig.mass[place], bent) + _times(
+                self.rig.damping[place], after[which]
+            )
+            freed[which] = pattern & (np.abs(acting[which] - pull) > friction[which])
+        after[rests] = 0.0
+        turned = np.where(before != 0, after * before <= 0, after != 0) & (friction > 0)
+        return later, ~(turned | freed).any(axis=1)
 
-    The friction held over the step is what brings an axis to rest at its end, if that is within
-    what it can give, else all of it against the motion (Gauss and Seidel, axis by axis).
-    """
-    axes = acting.shape[1]
-    before = state[:, axes:]
-    held = -friction * np.sign(before)
-    slope = change[:, axes:, 2 * axes :]  # speed by force
-    own = np.diagonal(slope, axis1=1, axis2=2)
-    free = _after(change, state, acting)[:, axes:]
-    for _ in range(_SWEEPS):
-        last = held.copy()
-        for axis in range(axes):
-            reached = free[:, axis] + np.sum(slope[:, axis] * held, axis=1)
-            wanted = held[:, axis] - reached / own[:, axis]
-            held[:, axis] = np.clip(wanted, -friction[:, axis], friction[:, axis])
-        if np.array_equal(last, held):
-            break
-    later = _after(change, state, acting + held)
-    rests = np.abs(held) < friction
-    later[:, axes:][rests] = 0.0
-    turned = (before != 0) & (later[:, axes:] * before <= 0) & (friction > 0)
-    return later, ~turned.any(axis=1)
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    return np.einsum("bij,bj->bi", matrices, vectors)
 
 
 def _after(change: FloatArray, state: FloatArray, force: FloatArray) -> FloatArray:
-    return state + np.einsum("bij,bj->bi", change, np.concatenate((state, force), axis=1))
+    return state + _times(change, np.concatenate((state, force), axis=1))

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     )
     from identification.estimators import METHODS, Method
     from identification.fitting import LogFit
+    from identification.fitting.several_axes import poses_of
     from identification.pictures import (
         NotebookFigure,
         devices_picture,
@@ -94,6 +95,7 @@ _HOMES = {
     ),
     "estimators": "METHODS Method",
     "fitting": "LogFit",
+    "fitting.several_axes": "poses_of",
     "pictures": (
         "NotebookFigure devices_picture excitation_picture fit_picture identified_picture "
         "legend_above log_picture"
@@ -119,7 +121,7 @@ __all__ += ["Finding", "IdentificationError", "InvalidInputError", "LogRefusedEr
 __all__ += ["NotWrittenError", "QuestionError", "Unstated", "UnstatedError", "UsageError"]
 __all__ += ["printable"]
 __all__ += ["METHODS", "Method"]
-__all__ += ["LogFit"]
+__all__ += ["LogFit", "poses_of"]
 __all__ += ["NotebookFigure", "devices_picture", "excitation_picture", "fit_picture"]
 __all__ += ["identified_picture", "legend_above", "log_picture"]
 __all__ += ["AxesExcitation", "Excitation", "force_text", "plan_axes", "plan_excitation"]

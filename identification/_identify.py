@@ -113,8 +113,8 @@ def identify(
 
     Args:
         trajectory: a log, or several of one axis; several give the envelope. A log of which nobody
-            said whether it is linear or rotary has the motion of the hardware. Logs of several
-            axes are one of each pose.
+            said whether it is linear or rotary has the motion of the hardware. A log of several
+            axes is a pose, as are logs that drive one axis after another.
         hardware: what is known of the device. A delay it states is honoured, 0 included. What it
             does not state is ``missing`` in the device, which holds what the logs suggest of it
             with ``source: log``; only a delay that they tell within a sample counts as known.

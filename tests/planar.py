@@ -61,12 +61,18 @@ def motion(
     most: float = 12.0,
     own: float = 1.0,
     noise: float = 5e-6,
+    only: int | None = None,
 ) -> Motions:
-    """One device driven along all axes, by one common force but for ``own`` of each one's own."""
+    """One device driven along all axes, by one common force but for ``own`` of each one's own.
+
+    With ``only`` the others are driven by nothing.
+    """
     chance = np.random.default_rng(seed)
     axes = len(mass)
     force = forces(chance, mass, damping, np.full(axes, most), rows)
     force[:, 1:] = (own < 1) * force[:, :1] + own * force[:, 1:]
+    if only is not None:
+        force[:, np.arange(axes) != only] = 0.0
     rig = RigOfAxes(
         mass=mass[None],
         damping=damping[None],

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.signal import lfilter, tf2zpk
 from scipy.special import ellipk
 
@@ -17,6 +18,7 @@ from datasets_synthetic import (
     Controller,
     Faults,
     Rig,
+    RigOfAxes,
     Servo,
     Vibration,
     simulate,
@@ -397,3 +399,29 @@ def test_the_handle_moves_by_its_own_share_of_a_mode() -> None:
     pushed = simulate(rig(modes=(mode,)), np.zeros(400), push=np.full(400, 5.0))
     np.testing.assert_allclose(pushed.position[0], log.truth.handle[0, :400], atol=1e-12)
     assert np.max(np.abs(pushed.position[0] - log.position[0])) > 1e-5
+
+
+def test_an_axis_that_another_one_frees_within_a_sample_starts_at_that_instant() -> None:
+    """Pulled by the damping between them: v = F/d·(1 - exp(-d·t/m)) frees it at 3 N, at ln 2/20 s.
+
+    From then on both follow the matrix exponential.
+    """
+    damping, push, hold = np.array([[20.0, 12.0], [12.0, 15.0]]), 10.0, 3.0
+    rig = RigOfAxes(
+        mass=np.eye(2)[None],
+        damping=damping[None],
+        sample_time=1e-3,
+        coulomb_friction=np.array([[0.0, hold]]),
+    )
+    force = np.zeros((1, 101, 2))
+    force[..., 0] = push
+    played = rig.run(force)
+    freed = np.log(2) / 20
+    assert np.all(played.truth[0, : int(freed / 1e-3) + 1, 1] == 0)
+    law = np.zeros((5, 5))
+    law[:2, 2:4], law[2:4, 2:4], law[2:4, 4] = np.eye(2), -damping, (push, hold)
+    speed = push / 20 * (1 - np.exp(-20 * freed))
+    start = np.array([push / 20 * freed - speed / 20, 0.0, speed, 0.0, 1.0])
+    after = expm(law * (0.1 - freed)) @ start
+    assert played.truth[0, 100] == pytest.approx(after[:2], rel=1e-7)
+    assert played.speed[0, 100] == pytest.approx(after[2:4], rel=1e-6)

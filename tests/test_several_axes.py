@@ -240,6 +240,48 @@ def test_poses_are_enveloped() -> None:
     assert box.mass[1] > 6.0
 
 
+def _one_after_another(mass: FloatArray, friction: FloatArray) -> list[ident.Trajectories]:
+    return [
+        motion(mass, DAMPING, friction, seed=3 + axis, only=axis).log()
+        for axis in range(2)
+    ]
+
+
+@pytest.mark.parametrize("method", ["auto", "least-squares", "instruments"])
+def test_axes_driven_one_after_another_make_one_pose(method: ident.Method) -> None:
+    logs = _one_after_another(MASS, FRICTION / 4)
+    device = identify(logs, hardware=hardware(), method=method).device
+    assert device.poses is not None
+    (pose,) = device.poses
+    assert len(device.logs) == 2
+    spread = np.sqrt(np.diag(np.array(pose.covariance.matrix)))
+    upper = np.triu_indices(2)
+    found = np.concatenate([np.array(each)[upper] for each in (pose.mass, pose.damping)])
+    truth = np.concatenate([MASS[upper], DAMPING[upper]])
+    assert np.all(np.abs(found - truth) < 4 * spread)
+    assert np.all(np.abs(found / truth - 1) < 0.02)
+    if method == "least-squares":
+        heavier = _one_after_another(1.5 * MASS, FRICTION / 4)
+        both = identify([*logs, *heavier], hardware=hardware(), method=method)
+        poses = both.device.poses
+        assert poses is not None
+        assert poses[0] == pose
+        assert np.array(poses[1].mass) == pytest.approx(1.5 * MASS, rel=0.01)
+
+
+def test_logs_that_leave_an_axis_alone_are_refused_with_its_name() -> None:
+    logs = _one_after_another(MASS, FRICTION / 4)
+    with pytest.raises(LogRefusedError, match="no force of its own moves y"):
+        identify(logs[0], hardware=hardware())
+    with pytest.raises(LogRefusedError, match="no force of its own moves x"):
+        identify([*logs, logs[1]], hardware=hardware())
+    # Friction holds each while the other is driven: nothing tells what couples them.
+    apart = _one_after_another(np.diag([3.0, 2.0]), 4 * FRICTION)
+    with pytest.raises(LogRefusedError, match="x and y never move in one log") as refused:
+        identify(apart, hardware=hardware())
+    assert "Drive all axes at once" in refused.value.findings[0].remedy
+
+
 class _Loop:
     """Both axes, sampled, held, delayed and filtered, with one law on both and a wall."""
 

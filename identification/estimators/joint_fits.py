@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -54,7 +55,7 @@ class NoMassError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointEstimate:
-    """One method's answer for one log of several axes; SI units."""
+    """One method's answer for the logs of several axes at one pose; SI units."""
 
     method: JointMethod
     model: JointModel
@@ -63,8 +64,10 @@ class JointEstimate:
     values: FloatArray  # shape (p,), in the order of ``model.parameters``
     covariance: FloatArray  # shape (p, p)
     degrees_of_freedom: float
-    residuals: tuple[FloatArray, ...]  # of each axis, N filtered or m
-    positions: FloatArray | None = None  # simulated, m, shape (axes, n); None of filtered methods
+    #: of each log, m, shape (axes, n); None of filtered methods: what is simulated of it and, from
+    #: the first sample on that feels known forces only, left over
+    positions: tuple[FloatArray, ...] | None = None
+    residuals: tuple[FloatArray, ...] | None = None
 
     def value(self, name: str) -> float:
         """One unknown; 0 where the model leaves it out."""
@@ -85,14 +88,14 @@ class JointEstimate:
         return self.model.matrices(self.values)
 
 
-def prepare_axes(log: Trajectories, delay: float, room: float, doubt: float) -> JointLog:
-    """A log at a delay, s, of this deviation, which may become as long as ``room``.
+def prepare_axes(logs: Sequence[Trajectories], delay: float, room: float, doubt: float) -> JointLog:
+    """The logs of a pose at a delay, s, of this deviation, which may become as long as ``room``.
 
     Friction of axes of which least squares find nothing but noise is left out.
     """
-    prepared = JointLog.of(log, delay, room, doubt)
+    prepared = JointLog.of(logs, delay, room, doubt)
     found = _filtered(prepared, "least-squares")
-    named = [f"coulomb_friction_{axis}" for axis in log.names]
+    named = [f"coulomb_friction_{axis}" for axis in prepared.model.axes]
     kept = tuple(found.value(each) > _CLEAR * found.deviation(each) for each in named)
     return prepared if kept == prepared.model.coulomb else prepared.with_friction(kept)
 
@@ -132,7 +135,7 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
         return solve_instrumental(tests, rows.columns, rows.target), rows, tests
 
     values, rows, tests = tested(prepared)
-    middle = prepared.tables[0].cut_off.frequency
+    middle = prepared.parts[0].tables[0].cut_off.frequency
     low, high = (
         tested(prepared.at_cut_off(middle * factor))[0]
         for factor in (1 / CUT_OFF_RANGE, CUT_OFF_RANGE)
@@ -141,21 +144,20 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
     around = spread(rows.columns, residual, len(values), signal=rows.target, instruments=tests)
     shift = (high - low) / 2
     around = replace(around, covariance=around.covariance + np.outer(shift, shift))
-    by_axis = residual.reshape(-1, prepared.count) * rows.scale
-    return _estimate(prepared, method, values, around, tuple(by_axis.T))
+    return _estimate(prepared, method, values, around)
 
 
-def _noise_free(prepared: JointLog) -> list[FloatArray]:
+def _noise_free(prepared: JointLog) -> Sequence[Sequence[FloatArray]]:
     """Positions that references explain, or, in open loop, those that the forces make."""
-    explained = [explained_by_reference(table) for table in prepared.tables]
-    if all(each is not None for each in explained):
-        return [each for each in explained if each is not None]
+    explained = [[explained_by_reference(t) for t in part.tables] for part in prepared.parts]
+    known = [[each for each in part if each is not None] for part in explained]
+    if all(len(each) == prepared.count for each in known):
+        return known
     play = _Playing.of(prepared, fits_delay=False)
     theta = play.start()
     if not play.allowed(theta):
         raise NoMassError
-    found = play.positions(theta[None])[0]
-    return list(np.concatenate((play.measured[: play.first], found)).T)
+    return [list(each) for each in play.whole(play.positions(theta))]
 
 
 def devices_of(model: JointModel, thetas: FloatArray, delays: FloatArray) -> DevicesOfAxes:
@@ -176,52 +178,65 @@ def devices_of(model: JointModel, thetas: FloatArray, delays: FloatArray) -> Dev
 
 @dataclass(frozen=True, kw_only=True)
 class _Playing:
-    """The motion of a log as a function of all unknowns, the delay and the starts."""
+    """The motion of the logs as a function of all unknowns, the delay and the starts of each."""
 
     prepared: JointLog
     fits_delay: bool
-    force: FloatArray  # N, shape (n, axes)
-    measured: FloatArray  # m, likewise
+    forces: tuple[FloatArray, ...]  # of each log, N, shape (n, axes)
+    measured: tuple[FloatArray, ...]  # m, likewise
     first: int  # sample from which on every force is known
 
     @classmethod
     def of(cls, prepared: JointLog, *, fits_delay: bool) -> _Playing:
         """From what a prepared log holds; its steps are even."""
-        axes = prepared.log.axes
+        logs = [part.log.axes for part in prepared.parts]
         return cls(
             prepared=prepared,
             fits_delay=fits_delay,
-            force=np.stack([each.force for each in axes], axis=1),
-            measured=np.stack([each.position for each in axes], axis=1),
-            first=prepared.tables[0].known,
+            forces=tuple(np.stack([each.force for each in axes], axis=1) for axes in logs),
+            measured=tuple(np.stack([each.position for each in axes], axis=1) for axes in logs),
+            first=prepared.parts[0].tables[0].known,
         )
 
+    @property
+    def count(self) -> int:
+        """Unknowns of all logs, before the start speeds and places of each."""
+        return len(self.prepared.model.parameters) + self.fits_delay
+
     def start(self) -> FloatArray:
-        """Unknowns by least squares, then the delay if it is fitted, start speeds and places."""
+        """Unknowns by least squares, the delay if it is fitted, start speeds and places."""
         prepared, first = self.prepared, self.first
         values = prepared.solve()
         named = len(prepared.model.pairs) * 2
         rough = slice(named, named + sum(prepared.model.coulomb))
         values[rough] = np.maximum(values[rough], self.sizes[rough])
-        late = [prepared.delay] * self.fits_delay
-        return np.concatenate((values, late, self.starts[0], self.measured[first]))
+        tails = [
+            np.append(speeds, measured[first])
+            for speeds, measured in zip(self.starts[0], self.measured, strict=True)
+        ]
+        return np.concatenate((values, [prepared.delay] * self.fits_delay, *tails))
 
     @cached_property
     def sizes(self) -> FloatArray:
         """How far each unknown is moved for the slope of the motion by it."""
         prepared, model = self.prepared, self.prepared.model
-        force = np.sqrt(np.mean(self.force**2, axis=0))
-        speed = np.array([np.sqrt(np.mean(each**2)) for each in prepared.speeds])
-        bend = np.array([np.sqrt(np.mean(each**2)) for each in prepared.bends])
+
+        def root_mean_squares(by_log: Sequence[Iterable[FloatArray]]) -> FloatArray:
+            columns = [np.concatenate(each) for each in zip(*by_log, strict=True)]
+            return np.array([np.sqrt(np.mean(each**2)) for each in columns])
+
+        force = root_mean_squares([each.T for each in self.forces])
+        speed = root_mean_squares([part.speeds for part in prepared.parts])
+        bend = root_mean_squares([part.bends for part in prepared.parts])
         ratios = [force / np.maximum(each, np.finfo(float).tiny) for each in (bend, speed)]
         entries = [np.sqrt(each[i] * each[j]) for each in ratios for i, j in model.pairs]
         rough = force[[*np.flatnonzero(model.coulomb)]]
+        reach = np.max([np.ptp(each, axis=0) for each in self.measured], axis=0)
         return np.concatenate(
             (
                 NUDGE * np.concatenate((entries, rough, force)),
                 [LATER * prepared.step] * self.fits_delay,
-                NUDGE * speed,
-                NUDGE * np.ptp(self.measured, axis=0),
+                NUDGE * np.tile(np.append(speed, reach), len(self.measured)),
             )
         )
 
@@ -251,31 +266,56 @@ class _Playing:
         at = len(self.prepared.model.parameters)
         return float(theta[at]) if self.fits_delay else self.prepared.delay
 
-    def positions(self, thetas: FloatArray) -> FloatArray:
-        """Positions from the first known sample on, m, shape (thetas, rows, axes)."""
+    def _tail(self, part: int) -> slice:
+        """Start speeds and places of a log among all unknowns."""
+        size = 2 * self.prepared.count
+        return slice(self.count + part * size, self.count + (part + 1) * size)
+
+    def positions(self, theta: FloatArray) -> list[FloatArray]:
+        """Those of each log from the first known sample on, m, shape (rows, axes)."""
+        return [self._positions(part, theta[None])[0] for part in range(len(self.forces))]
+
+    def _positions(self, part: int, thetas: FloatArray) -> FloatArray:
+        """Those of one log, shape (thetas, rows, axes)."""
         delays = np.array([self._delay(each) for each in thetas])
-        devices = devices_of(self.prepared.model, thetas, delays)
+        own = np.hstack((thetas[:, : self.count], thetas[:, self._tail(part)]))
+        devices = devices_of(self.prepared.model, own, delays)
         with np.errstate(over="ignore", invalid="ignore"):
-            found = devices.positions(self.force, self.prepared.step, self.first)[self.first :]
-        return np.moveaxis(found, 1, 0)
+            found = devices.positions(self.forces[part], self.prepared.step, self.first)
+        return np.moveaxis(found[self.first :], 1, 0)
 
     def slopes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions, shape (rows, axes), and their slopes by every unknown, (k, rows, axes)."""
-        found = self.positions(np.vstack((theta, theta + np.diag(self.sizes))))
-        return found[0], (found[1:] - found[0]) / self.sizes[:, None, None]
+        """Positions, shape (rows, axes), and their slopes by every unknown, (k, rows, axes).
+
+        Rows of one log follow those of another.
+        """
+        moved = np.vstack((theta, theta + np.diag(self.sizes)))
+        all_positions: list[FloatArray] = []
+        all_slopes: list[FloatArray] = []
+        for part in range(len(self.forces)):
+            # Where another log starts moves nothing in this one.
+            kept = [*range(self.count), *range(len(theta))[self._tail(part)]]
+            found = self._positions(part, moved[[0, *(place + 1 for place in kept)]])
+            slopes = np.zeros((len(theta), *found.shape[1:]))
+            slopes[kept] = (found[1:] - found[0]) / self.sizes[kept, None, None]
+            all_positions.append(found[0])
+            all_slopes.append(slopes)
+        return np.concatenate(all_positions), np.concatenate(all_slopes, axis=1)
 
     @cached_property
     def starts(self) -> tuple[FloatArray, FloatArray]:
-        """Start speeds as the first positions show them, m/s, and how well they are known.
+        """Start speeds as the first positions show them, m/s, and how well, shape (logs, axes).
 
         Friction stops a slow start at once, so that the motion after it does not tell its speed.
         """
         looked = slice(self.first, self.first + _FIRST_LOOK)
-        speeds = np.array([float(np.mean(each[looked])) for each in self.prepared.speeds])
-        bends = [float(np.sqrt(np.mean(each[looked] ** 2))) for each in self.prepared.bends]
-        noise = np.array([table.signals.noise for table in self.prepared.tables])
-        span = _FIRST_LOOK * self.prepared.step
-        return speeds, noise / span + np.array(bends) * span
+        span, parts = _FIRST_LOOK * self.prepared.step, self.prepared.parts
+        speeds = [[float(np.mean(each[looked])) for each in part.speeds] for part in parts]
+        bends = [[np.sqrt(np.mean(each[looked] ** 2)) for each in part.bends] for part in parts]
+        noise = [[table.signals.noise for table in part.tables] for part in parts]
+        deviations = np.array(noise) / span + np.array(bends) * span
+        least = np.finfo(float).tiny + self.sizes[self._tail(0)][: self.prepared.count]
+        return np.array(speeds), np.maximum(deviations, least)
 
     def weighed(
         self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray
@@ -285,22 +325,36 @@ class _Playing:
         Rows of all axes at one time lie beside each other; start speeds as seen come last.
         """
         count = self.prepared.count
-        seen, deviation = self.starts
+        speeds, deviations = (each.ravel() for each in self.starts)
+        tails = [self.count + 2 * count * part for part in range(len(self.forces))]
+        places = np.array([tail + axis for tail in tails for axis in range(count)])
         left = (self.left(positions) / scale).ravel()
-        beside = (seen - theta[-2 * count : -count]) / deviation
-        columns = np.zeros((len(theta), left.size + count))
+        columns = np.zeros((len(theta), left.size + places.size))
         columns[:, : left.size] = (slopes / scale).reshape(len(theta), -1)
-        columns[-2 * count : -count, left.size :] = np.diag(1 / deviation)
-        return np.append(left, beside), columns
+        columns[places, left.size + np.arange(places.size)] = 1 / deviations
+        return np.append(left, (speeds - theta[places]) / deviations), columns
 
     def scale(self, positions: FloatArray) -> FloatArray:
         """Rms of what is left of each axis, m, shape (axes,)."""
         rest = np.sqrt(np.mean(self.left(positions) ** 2, axis=0))
-        return np.maximum(rest, np.finfo(float).eps * np.ptp(self.measured, axis=0))
+        reach = np.max([np.ptp(each, axis=0) for each in self.measured], axis=0)
+        return np.maximum(rest, np.finfo(float).eps * reach)
 
     def left(self, positions: FloatArray) -> FloatArray:
         """What is measured less some positions, m, shape (rows, axes)."""
-        return self.measured[self.first :] - positions
+        return np.concatenate([each[self.first :] for each in self.measured]) - positions
+
+    def by_log(self, rows: FloatArray) -> list[FloatArray]:
+        """Rows of each log, shape (n, axes)."""
+        sizes = [len(each) - self.first for each in self.measured]
+        return np.split(rows, np.cumsum(sizes)[:-1])
+
+    def whole(self, positions: Sequence[FloatArray]) -> list[FloatArray]:
+        """Positions of each log with the measured ones before, shape (axes, n)."""
+        return [
+            np.concatenate((measured[: self.first], each)).T
+            for measured, each in zip(self.measured, positions, strict=True)
+        ]
 
 
 def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
@@ -350,16 +404,15 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
     count, size = len(prepared.model.pairs), len(prepared.model.parameters)
     signal = np.asarray(theta[:count] @ columns[:count], dtype=np.float64)
     around = spread(columns, residual, size + fits_delay, signal=signal, instruments=columns)
-    left = play.left(positions)
-    return _estimate(
+    estimate = _estimate(
         replace(prepared, delay=float(theta[size]) if fits_delay else prepared.delay),
         "output-error",
         theta[:size],
         around,
-        tuple(left.T),
         fits_delay=fits_delay,
-        positions=np.concatenate((play.measured[: play.first], positions)).T,
     )
+    left = tuple(each.T for each in play.by_log(play.left(positions)))
+    return replace(estimate, positions=tuple(play.whole(play.by_log(positions))), residuals=left)
 
 
 def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[FloatArray, float]:
@@ -379,10 +432,8 @@ def _estimate(
     method: JointMethod,
     values: FloatArray,
     around: Spread,
-    residuals: tuple[FloatArray, ...],
     *,
     fits_delay: bool = False,
-    positions: FloatArray | None = None,
 ) -> JointEstimate:
     size = len(values)
     return JointEstimate(
@@ -393,6 +444,4 @@ def _estimate(
         values=values,
         covariance=around.covariance[:size, :size],
         degrees_of_freedom=around.degrees_of_freedom,
-        residuals=residuals,
-        positions=positions,
     )

@@ -103,6 +103,11 @@ class Motion:
             return self
         return replace(self, moving=np.ones_like(self.moving))
 
+    def held(self) -> Motion:
+        """This motion with something that holds the device all the time."""
+        nothing = np.zeros_like(self.moving)
+        return Motion(direction=self.direction.times(nothing), moving=nothing)
+
 
 def measured_motion(
     position: FloatArray, steps: float | FloatArray, *, noise: float, bend: float

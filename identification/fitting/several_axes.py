@@ -1,4 +1,4 @@
-"""Mass and damping matrices of a device whose axes are driven together, from its logs.
+"""Mass and damping matrices of a device whose axes are driven together, or one after another.
 
 The matrices are estimated jointly. What an axis would have shown alone, its force less what moves
 the others, is then looked at as any log of one axis: excitation, friction, hands, delays. What that
@@ -20,7 +20,7 @@ from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
 from identification.device.quantities import Covariance, Pose, Quantity, quantity
 from identification.errors import Finding, LogRefusedError, UsageError, refuse
 from identification.estimators import Method
-from identification.estimators.joint import JointLog
+from identification.estimators.joint import JointLog, driven, driving_logs
 from identification.estimators.joint_fits import (
     JointEstimate,
     JointMethod,
@@ -33,6 +33,7 @@ from identification.estimators.motion import distinguishable_terms
 from identification.findings import inspect
 from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
 from identification.trajectory import (
+    EVEN,
     MOST_FITTED,
     NORMAL_95,
     Trajectories,
@@ -42,6 +43,8 @@ from identification.trajectory import (
 
 FloatArray = NDArray[np.float64]
 
+#: An axis that moves by less than this part of its motion in another log stands in this one.
+_STANDS = 0.05
 #: A mass of any direction must be known to this factor, or the axes are not told apart.
 _LOOSEST = 1.5
 #: Least eigenvalue of the correlations of accelerations; 1 where axes move independently, some
@@ -58,22 +61,22 @@ _APART = "Drive all axes at once with forces of their own (other lines or phases
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _JointFit:
-    """What one log of several axes said."""
+    """What the logs of several axes at one pose said."""
 
-    log: Trajectories
+    logs: tuple[Trajectories, ...]
     estimate: JointEstimate
-    alone: tuple[LogFit, ...]
+    alone: tuple[LogFit, ...]  # of each axis, from the log that drives it most
     reason: str
     apart: float  # least eigenvalue of the correlations of the accelerations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxesFit:
-    """What logs of several axes said, one of each pose.
+    """What logs of several axes said.
 
     Attributes:
-        poses: the joint fit of each log.
-        logs: what each axis of each log shows alone.
+        poses: the joint fit of each pose.
+        logs: what each axis of each pose shows alone.
         records: of the logs, for the device.
         findings: warnings, those allowed among them.
     """
@@ -89,7 +92,7 @@ class AxesFit:
         Raises ValidationError for numbers that no device has.
         """
         hardware = hardware or Hardware()
-        first, facts = self.poses[0].log, suggested_by(self.logs)
+        first, facts = self.poses[0].logs[0], suggested_by(self.logs)
         poses = tuple(_pose(joint.estimate) for joint in self.poses)
         by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
         motion = first.motion or hardware.motion
@@ -111,7 +114,7 @@ class AxesFit:
             delay=facts.delay(hardware),
             encoder_resolution=mark_stated(hardware.encoder_resolution)
             or quantity(facts.resolution(), source="log"),
-            force_limit=hardware.force_limit or _weakest(first),
+            force_limit=hardware.force_limit or _weakest(self.poses[0].logs),
             logs=self.records,
         )
 
@@ -119,10 +122,11 @@ class AxesFit:
 def fit_axes(
     logs: Sequence[Trajectories], hardware: Hardware | None, method: Method, allow: Collection[str]
 ) -> AxesFit:
-    """Estimate the matrices of a device from one log of all its axes, or from one for each pose.
+    """Estimate the matrices of a device from logs of all its axes, of one pose or several.
 
-    Arguments and errors are those of ``identify``; methods are "auto", "least-squares",
-    "instruments" and "output-error".
+    A log that drives all axes is a pose. Logs that drive some belong together, in their order,
+    until all axes are driven. Arguments and errors are those of ``identify``; methods are "auto",
+    "least-squares", "instruments" and "output-error".
     """
     if method != "auto" and method not in get_args(JointMethod):
         known = ", ".join(get_args(JointMethod))
@@ -132,33 +136,79 @@ def fit_axes(
         raise UsageError("--hardware", problem, "Leave them out, or identify axis by axis")
     for axis in (each for log in logs for each in log.axes):
         refuse_sizes(axis)
-    noticed = [_inspected(log, hardware) for log in logs]
+    poses = poses_of([_middle_of(each) for each in logs])
+    noticed = [_inspected(each, hardware) for each in poses]
     refuse(noticed, allow)
-    fits = tuple(_fitted(log, hardware, method) for log in logs)
+    fits = tuple(_fitted(each, hardware, method) for each in poses)
     noticed = [
         found
         + tuple(_of_axis(each, fit) for fit in joint.alone for each in fit.findings)
-        + tuple(each.of(joint.log.source) for each in _not_told_apart(joint))
+        + tuple(each.of(_sources(joint.logs)) for each in _not_told_apart(joint))
         for found, joint in zip(noticed, fits, strict=True)
     ]
     refuse(noticed, allow)
     alone = tuple(replace(fit, reason=joint.reason) for joint in fits for fit in joint.alone)
-    sources = ", ".join(log.source for log in logs)
-    missing = tuple(each.of(sources) for each in suggested_by(alone).not_stated(hardware))
+    missing = tuple(each.of(_sources(logs)) for each in suggested_by(alone).not_stated(hardware))
     records = tuple(
         LogRecord(
-            source=joint.log.source,
-            digest=joint.log.digest,
-            samples=len(joint.log),
+            source=log.source,
+            digest=log.digest,
+            samples=len(log),
             method=joint.estimate.method,
             findings=tuple(dict.fromkeys(each.code for each in (*found, *missing))),
             allowed=tuple(dict.fromkeys(f.code for f in found if f.severity == "refusal")),
-            read_as=joint.log.read_as,
+            read_as=log.read_as,
         )
         for joint, found in zip(fits, noticed, strict=True)
+        for log in joint.logs
     )
     findings = tuple(replace(each, severity="warning") for found in noticed for each in found)
     return AxesFit(poses=fits, logs=alone, records=records, findings=findings + missing)
+
+
+def _sources(logs: Sequence[Trajectories]) -> str:
+    return ", ".join(log.source for log in logs)
+
+
+def poses_of(logs: Sequence[Trajectories]) -> list[tuple[Trajectories, ...]]:
+    """Logs of several axes by pose: one that drives all axes, or consecutive ones that drive some.
+
+    An axis is driven where a force of its own moves it by a twentieth of what any log has.
+
+    Raises:
+        UsageError: logs of a pose with other axes or another sample time.
+        LogRefusedError: axes that no log of the last pose drives.
+    """
+    poses: list[tuple[Trajectories, ...]] = []
+    if not logs:
+        return poses
+    reach = np.array([[np.std(axis.position) for axis in log.axes] for log in logs])
+    some: list[Trajectories] = []
+    seen = np.zeros(reach.shape[1], dtype=np.bool_)
+    for log, moves in zip(logs, reach >= _STANDS * reach.max(axis=0), strict=True):
+        drives = moves & np.array([driven(axis) for axis in log.axes])
+        if some and log.names != some[0].names:
+            raise UsageError("--axis", "differs between the logs of a pose", "Name them alike")
+        step = log.axes[0].sample_time
+        if some and abs(step / some[0].axes[0].sample_time - 1) > EVEN:
+            problem = f"{step:g} s in {log.source}, {some[0].axes[0].sample_time:g} s before"
+            raise UsageError("the sample time", problem, "Log the axes of a pose alike")
+        some.append(log)
+        seen |= drives
+        if seen.all():
+            poses.append(tuple(some))
+            some, seen = [], np.zeros_like(seen)
+    if some:
+        names = [name for name, there in zip(some[0].names, seen, strict=True) if not there]
+        found = Finding(
+            code="axes-not-told-apart",
+            severity="refusal",
+            seen=f"no force of its own moves {', '.join(names)}",
+            needed="a force and motion of every axis at each pose",
+            remedy="Drive all axes at once, or give a log that drives each, one after another.",
+        )
+        raise LogRefusedError((found.of(_sources(some)),))
+    return poses
 
 
 def _of_axis(finding: Finding, fit: LogFit) -> Finding:
@@ -168,28 +218,34 @@ def _of_axis(finding: Finding, fit: LogFit) -> Finding:
     return finding.of(fit.trajectory.source)
 
 
-def _inspected(log: Trajectories, hardware: Hardware | None) -> tuple[Finding, ...]:
+def _inspected(logs: tuple[Trajectories, ...], hardware: Hardware | None) -> tuple[Finding, ...]:
     return tuple(
         each.of(f"{axis.source}, axis {axis.axis}")
-        for axis in log.axes
+        for axis in _driven(logs)
         for each in inspect(axis, hardware)
     )
 
 
-def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _JointFit:
-    """The joint estimate of one log, and what each axis shows alone."""
-    log = _middle_of(log)
+def _driven(logs: Sequence[Trajectories]) -> list[Trajectory]:
+    """Each axis as the log has it that drives it most."""
+    return [logs[place].axes[axis] for axis, place in enumerate(driving_logs(logs))]
+
+
+def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware | None, method: Method) -> _JointFit:
+    """The joint estimate of the logs of a pose, and what each axis shows alone."""
     known = None if hardware is None else hardware.delay
-    step = log.axes[0].sample_time
-    longest = longest_delay(step, len(log))
+    step = logs[0].axes[0].sample_time
+    longest = longest_delay(step, min(len(log) for log in logs))
     if known is None:
-        delay = float(np.median([_seen_delay(axis, longest) for axis in log.axes]))
+        delay = float(np.median([_seen_delay(axis, longest) for axis in _driven(logs)]))
         room, doubt = min(delay + step, longest), 0.0
     else:
         delay, room = known.value, known.value + step
         doubt = (known.high - known.low) / (2 * NORMAL_95)
     try:
-        prepared = prepare_axes(log, delay, room, doubt)
+        prepared = prepare_axes(logs, delay, room, doubt)
+        if prepared.apart is not None:
+            raise LogRefusedError((_uncoupled(*prepared.apart).of(_sources(logs)),))
         try:
             estimate, reason = _chosen(prepared, method, fits_delay=known is None)
         except NoMassError:  # which axis is to blame is told below
@@ -205,22 +261,27 @@ def _fitted(log: Trajectories, hardware: Hardware | None, method: Method) -> _Jo
             estimate = fit_jointly(prepared, estimate.method)
             alone = _fitted_alone(prepared, estimate, hardware)
     except (NoMassError, np.linalg.LinAlgError):
-        raise LogRefusedError((_no_mass().of(log.source),)) from None
-    if not _explained(estimate, log):
+        raise LogRefusedError((_no_mass().of(_sources(logs)),)) from None
+    if not _explained(estimate, logs):
         estimate = _widened(estimate, alone)
-    bends = np.stack([table.columns[0] for table in prepared.tables])
-    apart = float(np.linalg.eigvalsh(np.corrcoef(bends))[0])
-    return _JointFit(log=log, estimate=estimate, alone=alone, reason=reason, apart=apart)
+    bends = [[table.columns[0] for table in part.tables] for part in prepared.parts]
+    together = np.stack([np.concatenate(each) for each in zip(*bends, strict=True)])
+    apart = float(np.linalg.eigvalsh(np.corrcoef(together))[0])
+    return _JointFit(logs=logs, estimate=estimate, alone=alone, reason=reason, apart=apart)
 
 
 def _fitted_alone(
     prepared: JointLog, estimate: JointEstimate, hardware: Hardware | None
 ) -> tuple[LogFit, ...]:
     """What each axis shows alone, its force less what moves the others."""
-    return tuple(
-        fit_log(replace(axis, source=f"{axis.source}, axis {axis.axis}"), hardware, "auto")
-        for axis in prepared.alone(estimate.matrices, estimate.delay, estimate.positions).axes
-    )
+    found: list[LogFit] = []
+    for axis, place in enumerate(driving_logs([part.log for part in prepared.parts])):
+        simulated = None if estimate.positions is None else estimate.positions[place]
+        own = prepared.parts[place].alone(axis, estimate.matrices, estimate.delay, simulated)
+        found.append(
+            fit_log(replace(own, source=f"{own.source}, axis {own.axis}"), hardware, "auto")
+        )
+    return tuple(found)
 
 
 def _pooled_delay(alone: Sequence[LogFit]) -> tuple[float, float]:
@@ -256,20 +317,23 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
         ), f"{method.replace('-', ' ')} as asked"
     if isinstance(prepared.steps, float):
         simulated = fit_jointly(prepared, "output-error", fits_delay=fits_delay)
-        if _explained(simulated, prepared.log):
+        if _explained(simulated, [part.log for part in prepared.parts]):
             return simulated, "output error, because noise of the encoders explains its residuals"
-    referenced = all(table.signals.reference is not None for table in prepared.tables)
+    tables = [table for part in prepared.parts for table in part.tables]
+    referenced = all(table.signals.reference is not None for table in tables)
     usual: JointMethod = "instruments" if referenced else "least-squares"
     found = fit_jointly(prepared, usual)
     why = "noise of the encoders does not explain what output error leaves"
     return found, f"{usual.replace('-', ' ')}, because {why}"
 
 
-def _explained(estimate: JointEstimate, log: Trajectories) -> bool:
+def _explained(estimate: JointEstimate, logs: Sequence[Trajectories]) -> bool:
     """Whether noise of the encoders explains all that output error leaves of every axis."""
-    return estimate.method == "output-error" and all(
+    return estimate.residuals is not None and all(
         explained_by_noise(residual, axis)
-        for residual, axis in zip(estimate.residuals, log.axes, strict=True)
+        for left, log in zip(estimate.residuals, logs, strict=True)
+        for residual, axis in zip(left, log.axes, strict=True)
+        if driven(axis)
     )
 
 
@@ -329,6 +393,16 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
     return ()
 
 
+def _uncoupled(one: str, other: str) -> Finding:
+    return Finding(
+        code="axes-not-told-apart",
+        severity="refusal",
+        seen=f"{one} and {other} never move in one log, which would tell what couples them",
+        needed="motion of both at once, beyond noise",
+        remedy="Drive all axes at once: friction holds an axis that only another one moves.",
+    )
+
+
 def _no_mass() -> Finding:
     return Finding(
         code="axes-not-told-apart",
@@ -361,9 +435,9 @@ def _rows(matrix: FloatArray) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in ((matrix + matrix.T) / 2).tolist())
 
 
-def _weakest(log: Trajectories) -> ForceLimit:
+def _weakest(logs: Sequence[Trajectories]) -> ForceLimit:
     """The least of the largest forces that the axes were logged with, N (N·m)."""
-    limits = [SuggestedFacts(logs=(axis,), delays=()).force_limit() for axis in log.axes]
+    limits = [SuggestedFacts(logs=(axis,), delays=()).force_limit() for axis in _driven(logs)]
     return min(limits, key=lambda each: each.peak)
 
 

@@ -94,8 +94,8 @@ def load_log(
     found = (columns or LogColumns()).by_axis(axes)
     if len(found) == 1:
         return load_trajectory(path, found[0], motion=motion, axis=axis)
-    axes = (load_trajectory(path, each, motion=motion, may_stand=True) for each in found)
-    return Trajectories(axes=tuple(axes))
+    several = (load_trajectory(path, each, motion=motion, may_stand=True) for each in found)
+    return Trajectories(axes=tuple(several))
 
 
 def load_trajectory(

@@ -200,19 +200,18 @@ def doctor_command(
     examined: list[LogExamined] = []
     session.details["logs"] = examined
     refused = False
+    several: list[ident.Trajectories] = []
     for place, path in enumerate(logs):
         try:
             with session.progress() as say:
                 say(f"reading {path.name}")
                 trajectory = read_log(path, columns, known)
             tell_reading(session, trajectory)
+            if isinstance(trajectory, ident.Trajectories):
+                several.append(trajectory)
+                continue
             with session.progress() as say:
                 say(f"examining {path.name}")
-                if isinstance(trajectory, ident.Trajectories):
-                    found = ident.identify(trajectory, hardware=known, allow=allow or [])
-                    _tell_axes(session, found, picture and _numbered(picture, place))
-                    findings += found.findings
-                    continue
                 seen = ident.examine(trajectory, hardware=known, allow=allow or [])
         except LogRefusedError as error:  # the columns are no log at all
             findings += error.findings
@@ -225,6 +224,23 @@ def doctor_command(
         session.draw(picture and _numbered(picture, place), drawn)
         findings += seen.findings
         refused = refused or seen.refused
+    poses: list[tuple[ident.Trajectories, ...]] = []
+    try:
+        poses = ident.poses_of(several)
+    except LogRefusedError as error:
+        findings += error.findings
+        refused = True
+    for place, pose in enumerate(poses):
+        try:
+            with session.progress() as say:
+                say(f"examining {', '.join(log.source for log in pose)}")
+                found = ident.identify(pose, hardware=known, allow=allow or [])
+        except LogRefusedError as error:
+            findings += error.findings
+            refused = True
+            continue
+        _tell_axes(session, found, picture and _numbered(picture, place))
+        findings += found.findings
     if refused:
         raise LogRefusedError(tuple(findings))
     session.add_findings(tuple(findings))

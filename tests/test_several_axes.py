@@ -241,10 +241,7 @@ def test_poses_are_enveloped() -> None:
 
 
 def _one_after_another(mass: FloatArray, friction: FloatArray) -> list[ident.Trajectories]:
-    return [
-        motion(mass, DAMPING, friction, seed=3 + axis, only=axis).log()
-        for axis in range(2)
-    ]
+    return [motion(mass, DAMPING, friction, seed=3 + axis, only=axis).log() for axis in range(2)]
 
 
 @pytest.mark.parametrize("method", ["auto", "least-squares", "instruments"])

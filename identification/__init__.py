@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from identification.pictures import (
         NotebookFigure,
         devices_picture,
+        draw_directions,
         excitation_picture,
         fit_picture,
         identified_picture,
@@ -97,8 +98,8 @@ _HOMES = {
     "fitting": "LogFit",
     "fitting.several_axes": "poses_of",
     "pictures": (
-        "NotebookFigure devices_picture excitation_picture fit_picture identified_picture "
-        "legend_above log_picture"
+        "NotebookFigure devices_picture draw_directions excitation_picture fit_picture "
+        "identified_picture legend_above log_picture"
     ),
     "planning": "Excitation force_text plan_excitation",
     "planning.limits": "ExcitationSpec load_excitation",
@@ -122,8 +123,8 @@ __all__ += ["NotWrittenError", "QuestionError", "Unstated", "UnstatedError", "Us
 __all__ += ["printable"]
 __all__ += ["METHODS", "Method"]
 __all__ += ["LogFit", "poses_of"]
-__all__ += ["NotebookFigure", "devices_picture", "excitation_picture", "fit_picture"]
-__all__ += ["identified_picture", "legend_above", "log_picture"]
+__all__ += ["NotebookFigure", "devices_picture", "draw_directions", "excitation_picture"]
+__all__ += ["fit_picture", "identified_picture", "legend_above", "log_picture"]
 __all__ += ["AxesExcitation", "Excitation", "force_text", "plan_axes", "plan_excitation"]
 __all__ += ["ExcitationSpec", "load_excitation"]
 __all__ += ["Plant"]

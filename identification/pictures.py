@@ -141,14 +141,18 @@ def _parts(heights: Sequence[float], devices: Mapping[str, Device]) -> list[SubF
     grid: Any = figure.subfigures(len(every), 1, height_ratios=every, squeeze=False)
     parts: list[SubFigure] = list(grid[:, 0])
     if several:
-        _draw_ellipses(parts.pop(), several)
+        draw_directions(parts.pop(), several)
     return parts
 
 
-def _draw_ellipses(part: SubFigure, devices: Mapping[str, Device]) -> None:
+def draw_directions(part: SubFigure, devices: Mapping[str, Device]) -> None:
     """Λ·u and D·u for every direction u of two axes: half axes are the principal values.
 
     One line a pose; of more than two axes, what each two make together while the others rest.
+
+    Args:
+        part: of a figure, to draw in.
+        devices: of the same axes, several at least, by the words of a legend.
     """
     first = next(iter(devices.values()))
     names, units = first.axes or (), _units_of_symbols(first)

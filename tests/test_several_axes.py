@@ -44,7 +44,7 @@ from tests.planar import (
     tangled,
 )
 from tests.thinned import thinned
-from tune import Scene, export, load_profile, optimise, verify
+from tune import Scene, export, load_profile, optimise, profile_sheet, verify
 from tune.documents.profile import SafeProfile
 
 FloatArray = NDArray[np.float64]
@@ -227,6 +227,27 @@ def test_ellipses_have_the_principal_masses_as_half_axes(planar: Device) -> None
     assert len(ellipses) == 2
     radius = np.linalg.norm(ellipses[0], axis=0)
     assert np.allclose([radius.min(), radius.max()], [2.0, 4.0], rtol=0.01)
+
+
+def test_what_is_felt_in_every_direction_is_drawn_with_each_element(profile: SafeProfile) -> None:
+    """An element adds its own mass and damping to the principal ones."""
+    (axes,) = (
+        each
+        for each in profile_sheet(profile).axes
+        if each.get_xlabel() == "damping along x, N·s/m"
+    )
+    poses = profile.device.poses
+    assert poses is not None
+    own = np.linalg.eigvalsh(np.array(poses[0].damping))
+    found = {
+        str(line.get_label()): np.linalg.norm(np.array(line.get_data()), axis=0)
+        for line in axes.lines
+        if len(line.get_xdata()) > 2  # pyright: ignore[reportArgumentType]
+    }
+    assert set(found) == {"alone", "water", "cup", "feather"}
+    for name in ("water", "cup", "feather"):
+        wanted = own + profile.elements[name].damping
+        assert [found[name].min(), found[name].max()] == pytest.approx(wanted, rel=1e-3)
 
 
 def test_poses_are_enveloped() -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
-from identification import legend_above
+import numpy as np
+
+from identification import Device, draw_directions, legend_above
 from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import UNITS
 from tune.presentation.limits import (
@@ -80,7 +82,8 @@ def region_picture(
 def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
     """The overview, then each element with its slice of the region and its limits.
 
-    Of more than twelve that play something the first are drawn, and the picture says so.
+    Of more than twelve that play something the first are drawn, and the picture says so. Of several
+    axes the end is what is felt of mass and damping in every direction, alone and in each element.
 
     Args:
         profile: certified or not.
@@ -90,11 +93,16 @@ def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
     from identification import NotebookFigure
 
     names = shown_elements(profile)
-    heights = [_overview_height(profile), *[_HEIGHT] * len(names)]
+    felt = _felt_devices(profile, names)
+    heights = [_overview_height(profile), *[_HEIGHT] * (len(names) + bool(felt))]
     figure = NotebookFigure(figsize=(_WIDTH, sum(heights)))
     grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
     parts: list[SubFigure] = list(grid[:, 0])
     boundaries = Boundaries.of(profile)
+    if felt:
+        last = parts.pop()
+        draw_directions(last, felt)
+        last.subplots_adjust(bottom=0.2, top=0.8)
     for part, name in zip(parts[1:], names, strict=True):
         left, right = part.subplots(1, 2, gridspec_kw=_GRID)
         draw_slice(left, boundaries, profile, name)
@@ -102,6 +110,29 @@ def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
         part.suptitle(short_name(sizes_in_words(profile, name), _TITLE), fontsize=11, y=0.985)
     _draw_overview(parts[0], profile, boundaries, verdict=verdict, note=words_of_shown(profile))
     return figure
+
+
+def _felt_devices(profile: Design, names: list[str]) -> dict[str, Device]:
+    """A device of several axes alone and with what each element adds to it; {} of one axis."""
+    device = profile.device
+    if device.axes is None or device.poses is None:
+        return {}
+    found, eye = {"alone": device}, np.eye(len(device.axes))
+    for name in names:
+        element = profile.elements[name]
+        if element.one_sided or not (element.mass or element.damping):
+            continue
+        poses = tuple(
+            pose.model_copy(
+                update={
+                    which: (np.array(getattr(pose, which)) + getattr(element, which) * eye).tolist()
+                    for which in ("mass", "damping")
+                }
+            )
+            for pose in device.poses
+        )
+        found[short_name(name)] = device.model_copy(update={"poses": poses})
+    return found
 
 
 def shown_elements(profile: Design) -> list[str]:

@@ -57,23 +57,23 @@ class SteppedDevice:
         self.sample, self.force = 0, 0.0
         self.readings: list[float] = []
 
-    def read_position(self) -> float:
+    def read_positions(self) -> list[float]:
         """The encoder's reading, m (rad)."""
         if self._due >= self._fault.read_fails_from:
             raise OSError("the encoder is gone")
         if self._due >= self._fault.nan_from:
-            return float("nan")
+            return [float("nan")]
         (reading,) = counted(self._place, self._rig.encoder_resolution)
         self.readings.append(float(reading))
-        return float(reading)
+        return [float(reading)]
 
-    def write_force(self, force: float) -> None:
+    def write_forces(self, forces: list[float]) -> None:
         """The force from now on, N (N·m)."""
         fails = self._failed < self._fault.write_fails_times
         if self._due >= self._fault.write_fails_from and fails:
             self._failed += 1
             raise OSError("the amplifier is gone")
-        self.force = force
+        (self.force,) = forces
 
     def stop_pressed(self) -> bool:
         """Whether the emergency stop is pressed."""
@@ -98,8 +98,37 @@ class SteppedDevice:
         self._place = self._place + travel
 
 
+class TwoAxes:
+    """Two devices beside each other, each an axis; the second may do what the first does not."""
+
+    def __init__(self, rig: Rig, fault: Fault) -> None:
+        self._axes = SteppedDevice(rig), SteppedDevice(rig, fault)
+
+    @property
+    def force(self) -> float:
+        """The larger of both forces, N."""
+        return max((each.force for each in self._axes), key=abs)
+
+    def read_positions(self) -> list[float]:
+        """Of both axes, m."""
+        return [place for each in self._axes for place in each.read_positions()]
+
+    def write_forces(self, forces: list[float]) -> None:
+        """To both axes, N."""
+        for each, force in zip(self._axes, forces, strict=True):
+            each.write_forces([force])
+
+    def stop_pressed(self) -> bool:
+        """Whether the stop of either is pressed."""
+        return any(each.stop_pressed() for each in self._axes)
+
+    def wait_until(self, due: float) -> float:
+        """Let both move up to a time, s."""
+        return max(each.wait_until(due) for each in self._axes)
+
+
 #: Plan and limits in, log text and how it ended out.
-Play = Callable[[SteppedDevice, Path, dict[str, float]], tuple[str, str]]
+Play = Callable[[SteppedDevice | TwoAxes, Path, dict[str, float]], tuple[str, str]]
 
 
 def python_player(source: Path) -> Any:
@@ -117,7 +146,9 @@ def play_in_python(source: Path) -> Play:
     """Plays through the Python player."""
     module = python_player(source)
 
-    def play(device: SteppedDevice, plan: Path, limits: dict[str, float]) -> tuple[str, str]:
+    def play(
+        device: SteppedDevice | TwoAxes, plan: Path, limits: dict[str, float]
+    ) -> tuple[str, str]:
         bounds = module.Limits(**limits)
         played = module.play(device, module.load_plan(plan, bounds), bounds, clock=device)
         assert played.switched_off == (device.force == 0.0)
@@ -127,8 +158,9 @@ def play_in_python(source: Path) -> Play:
     return play
 
 
-_Read = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double))
-_Write = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double)
+_Numbers = ctypes.POINTER(ctypes.c_double)
+_Read = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, _Numbers)
+_Write = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int, _Numbers)
 _Pressed = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)
 _Wait = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
 
@@ -138,27 +170,27 @@ _BRIDGE = """
 #include "player.c"
 
 const char *play_file(const char *plan_name, const char *log_name, double force, double travel,
-    double speed, double ramp, int (*read_position)(void *, double *),
-    int (*write_force)(void *, double), int (*stop_pressed)(void *),
+    double speed, double ramp, int (*read_positions)(void *, int, double *),
+    int (*write_forces)(void *, int, const double *), int (*stop_pressed)(void *),
     double (*wait_until)(void *, double));
 
 const char *play_file(const char *plan_name, const char *log_name, double force, double travel,
-    double speed, double ramp, int (*read_position)(void *, double *),
-    int (*write_force)(void *, double), int (*stop_pressed)(void *),
+    double speed, double ramp, int (*read_positions)(void *, int, double *),
+    int (*write_forces)(void *, int, const double *), int (*stop_pressed)(void *),
     double (*wait_until)(void *, double))
 {
     const player_limits limits = { force, travel, speed, ramp };
-    const player_device device = { read_position, write_force, stop_pressed, wait_until, NULL };
+    const player_device device = { read_positions, write_forces, stop_pressed, wait_until, NULL };
     player_rows plan, log;
     FILE *file = fopen(plan_name, "r");
     const char *problem = player_load(file, &limits, &plan);
     player_end end;
-    (void)device_read_position, (void)device_write_force, (void)device_stop_pressed;
+    (void)device_read_positions, (void)device_write_forces, (void)device_stop_pressed;
     fclose(file);
     if (problem) {
         return problem;
     }
-    player_rows_new(&log, plan.count + 1);
+    player_rows_new(&log, plan.count + 1, plan.axes);
     end = player_play(&device, &plan, &limits, &log);
     file = fopen(log_name, "w");
     player_write(file, &log);
@@ -188,17 +220,20 @@ def play_in_c(source: Path) -> Play:
     function.argtypes = [ctypes.c_char_p] * 2 + [ctypes.c_double] * 4
     function.argtypes += [_Read, _Write, _Pressed, _Wait]
 
-    def play(device: SteppedDevice, plan: Path, limits: dict[str, float]) -> tuple[str, str]:
-        def read(context: object, place: Any) -> int:
+    def play(
+        device: SteppedDevice | TwoAxes, plan: Path, limits: dict[str, float]
+    ) -> tuple[str, str]:
+        def read(context: object, axes: int, places: Any) -> int:
             try:
-                place[0] = device.read_position()
+                for axis, place in enumerate(device.read_positions()):
+                    places[axis] = place
             except OSError:
                 return -1
             return 0
 
-        def write(context: object, force: float) -> int:
+        def write(context: object, axes: int, forces: Any) -> int:
             try:
-                device.write_force(force)
+                device.write_forces(forces[:axes])
             except OSError:
                 return -1
             return 0
@@ -339,6 +374,65 @@ def test_whatever_stops_it_the_force_is_zero_and_the_log_is_kept(
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    ("fault", "limits", "words", "rows"),
+    [
+        (Fault(), WIDE, "played to the end", PUSH.size + 1),
+        (Fault(stop_from=300), WIDE, "emergency stop", 301),
+        (Fault(nan_from=300), WIDE, "not a number", 300),
+        (Fault(), WIDE | {"travel": 0.01}, "travel exceeded", None),
+    ],
+)
+def test_a_force_of_each_axis_is_played_and_either_axis_stops_both(
+    players: dict[str, Play],
+    tmp_path: Path,
+    language: str,
+    fault: Fault,
+    limits: dict[str, float],
+    words: str,
+    rows: int | None,
+) -> None:
+    device, plan = TwoAxes(named_rig("homerehab"), fault), tmp_path / "force.csv"
+    lines = [f"{k * STEP:.9g},{0.01 * force:.9g},{force:.9g}" for k, force in enumerate(PUSH)]
+    plan.write_text("\n".join(["time,force_x,force_y", *lines]) + "\n", encoding="utf-8")
+    log, end = players[language](device, plan, limits)
+    assert words in end
+    assert device.force == 0
+    header, *kept = log.splitlines()
+    assert header == "time,force_x,force_y,position_x,position_y"
+    found = np.array([[float(cell) for cell in line.split(",")] for line in kept])
+    if rows is not None:
+        assert len(found) == rows
+    played = min(len(found) - 1, PUSH.size)
+    np.testing.assert_allclose(found[:played, 2], PUSH[:played], atol=1e-8)
+    np.testing.assert_allclose(found[:played, 1], 0.01 * PUSH[:played], atol=1e-8)
+    assert np.ptp(found[:, 4]) > 100 * np.ptp(found[:, 3])
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,position\n0,0\n0.001,0\n",
+        "time,force_x,force_y\n0,0\n0.001,0\n",
+        "time,force_x,force_y\n0,0,0\n0.001,20,0\n0.002,0,0\n",
+        "time,force_x,force_y\n0,0,0\n0.001,1,1\n0.002,0,1\n",
+    ],
+)
+def test_a_plan_of_other_columns_or_beyond_the_limits_is_not_played(
+    players: dict[str, Play], tmp_path: Path, language: str, text: str
+) -> None:
+    device, plan = TwoAxes(named_rig("homerehab"), Fault()), tmp_path / "force.csv"
+    plan.write_text(text, encoding="utf-8")
+    try:
+        log, end = players[language](device, plan, WIDE)
+    except ValueError as error:
+        log, end = "", str(error)
+    assert log == ""
+    assert re.search("begin with|number|beyond --force|zero force", end)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_an_amplifier_that_takes_no_zero_is_told_at_once(
     players: dict[str, Play], tmp_path: Path, language: str
 ) -> None:
@@ -350,12 +444,12 @@ def test_an_amplifier_that_takes_no_zero_is_told_at_once(
 
 #: What fills in the C program: a device that stands still, and one more sample of its clock.
 _STILL_C = {
-    "    *position = 0.0;\n    return -1; /* fill in */": "    *position = 0.25;\n    return 0;",
-    "    (void)force;\n    return -1; /* fill in */": "    (void)force;\n    return 0;",
+    "= 0.0;\n    return -1; /* fill in */": "= 0.25;\n    return 0;",
+    "    (void)forces;\n    return -1; /* fill in */": "    (void)forces;\n    return 0;",
 }
 _STILL_PYTHON = {
-    '        raise NotImplementedError("fill in read_position")': "        return 0.25",
-    '        raise NotImplementedError("fill in write_force")': "        return None",
+    '        raise NotImplementedError("fill in read_positions")': "        return [0.25]",
+    '        raise NotImplementedError("fill in write_forces")': "        return None",
 }
 
 

@@ -5,10 +5,11 @@
  *     ./player force.csv log.csv --force 14 --travel 0.1 --speed 1.0
  * and keep a hand on the emergency stop of the device, which must not depend on this program.
  *
- * Row k of force.csv is held from k T on. Each sample the position is read, compared with the limits,
- * and only then the force is written. Whatever ends the play writes zero force, and the rows up to
- * there are kept. SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along
- * +position. The device starts at rest in the middle of its travel, with no hand on it.
+ * Row k of force.csv is held from k T on; it has a force, or one of each axis (force_x,force_y).
+ * Each sample the positions are read, compared with the limits, and only then the forces are
+ * written. Whatever ends the play writes zero force, and the rows up to there are kept. SI units:
+ * N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along +position. The device starts
+ * at rest in the middle of its travel, with no hand on it.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <errno.h>
@@ -21,19 +22,21 @@
 
 /* ------------------------------------------------------------------------- fill in: the device */
 
-/* Read the position in m (rad). Return 0, or anything else if it failed. */
-static int device_read_position(void *context, double *position)
+/* Read positions[0] to positions[axes - 1] in m (rad), in the order of the columns of the plan.
+ * Return 0, or anything else if it failed. */
+static int device_read_positions(void *context, int axes, double *positions)
 {
-    (void)context;
-    *position = 0.0;
+    (void)context, (void)axes;
+    positions[0] = 0.0;
     return -1; /* fill in */
 }
 
-/* Apply a force in N (N m) until the next call. Return 0, or anything else if it failed. */
-static int device_write_force(void *context, double force)
+/* Apply a force to each axis in N (N m) until the next call. Return 0, or anything else if it
+ * failed. */
+static int device_write_forces(void *context, int axes, const double *forces)
 {
-    (void)context;
-    (void)force;
+    (void)context, (void)axes;
+    (void)forces;
     return -1; /* fill in */
 }
 
@@ -46,15 +49,17 @@ static int device_stop_pressed(void *context)
 
 /* ---------------------------------------------------------------------- the player: leave as is */
 
+#define PLAYER_MOST_AXES 6
+
 typedef struct player_device {
-    int (*read_position)(void *context, double *position);
-    int (*write_force)(void *context, double force);
+    int (*read_positions)(void *context, int axes, double *positions);
+    int (*write_forces)(void *context, int axes, const double *forces);
     int (*stop_pressed)(void *context);
     double (*wait_until)(void *context, double time); /* s; returns the time it is */
     void *context;
 } player_device;
 
-typedef struct player_limits {
+typedef struct player_limits { /* of every axis */
     double force;  /* largest |force| in the plan, N (N m) */
     double travel; /* farthest from the start, m (rad) */
     double speed;  /* m/s (rad/s) */
@@ -62,11 +67,13 @@ typedef struct player_limits {
 } player_limits;
 
 typedef struct player_rows {
+    char names[PLAYER_MOST_AXES][32]; /* of the columns of force, without "force" */
+    int axes;
     long count;
     double sample_time; /* s */
     double *time;       /* s */
-    double *force;      /* N (N m) */
-    double *position;   /* m (rad) */
+    double *force;      /* N (N m), those of one row beside each other */
+    double *position;   /* m (rad), likewise */
 } player_rows;
 
 typedef enum player_end {
@@ -100,31 +107,36 @@ static const char *const player_words[] = {
 
 static volatile sig_atomic_t player_interrupted = 0;
 
+/* The part of its force that row k of a plan is played with. */
 static double player_faded(const player_rows *plan, const player_limits *limits, long k)
 {
     const double end = (double)(plan->count - 1 - k) * plan->sample_time;
     const double begin = (double)k * plan->sample_time;
     const double least = begin < end ? begin : end;
-    return limits->ramp > least ? plan->force[k] * least / limits->ramp : plan->force[k];
+    return limits->ramp > least ? least / limits->ramp : 1.0;
 }
 
-static int player_switch_off(const player_device *device)
+static int player_switch_off(const player_device *device, int axes)
 {
+    const double none[PLAYER_MOST_AXES] = { 0.0 };
     int attempt;
     for (attempt = 0; attempt < PLAYER_ATTEMPTS; attempt++) {
-        if (device->write_force(device->context, 0.0) == 0) {
+        if (device->write_forces(device->context, axes, none) == 0) {
             return 0;
         }
     }
     return -1;
 }
 
-static void player_keep(player_rows *log, double time, double force, double position)
+/* How far the axis is that moved most. */
+static double player_apart(const double *positions, const double *others, int axes)
 {
-    log->time[log->count] = time;
-    log->force[log->count] = force;
-    log->position[log->count] = position;
-    log->count++;
+    double most = 0.0;
+    int axis;
+    for (axis = 0; axis < axes; axis++) {
+        most = fmax(most, fabs(positions[axis] - others[axis]));
+    }
+    return most;
 }
 
 /* Plays the plan; the log needs room for one row more than the plan. */
@@ -135,104 +147,149 @@ static player_end player_play(const player_device *device, const player_rows *pl
     const double latest = PLAYER_LATEST > 10.0 * T ? PLAYER_LATEST : 10.0 * T;
     const long apart = PLAYER_SPEED_OVER > T ? (long)(PLAYER_SPEED_OVER / T + 0.5) : 1;
     const double began = device->wait_until(device->context, 0.0);
+    const int axes = plan->axes;
     player_end end = PLAYER_DONE;
-    double start = 0.0;
     long k;
+    int axis, over;
+    memcpy(log->names, plan->names, sizeof log->names);
+    log->axes = axes;
     log->count = 0;
     log->sample_time = T;
     for (k = 0; k <= plan->count; k++) {
         const double due = began + (double)k * T;
         const double now = device->wait_until(device->context, due);
-        double position = NAN, force;
-        int failed = device->read_position(device->context, &position);
-        if (failed != 0 || !isfinite(position)) {
+        double *positions = log->position + k * axes, *forces = log->force + k * axes;
+        int failed;
+        for (axis = 0; axis < axes; axis++) {
+            positions[axis] = NAN;
+        }
+        failed = device->read_positions(device->context, axes, positions);
+        for (axis = 0; axis < axes; axis++) {
+            failed |= !isfinite(positions[axis]);
+        }
+        if (failed) {
             end = PLAYER_NOT_READ;
             break;
         }
-        start = k == 0 ? position : start;
         if (player_interrupted || device->stop_pressed(device->context)) {
             end = PLAYER_STOPPED;
-        } else if (fabs(position - start) > limits->travel) {
+        } else if (player_apart(positions, log->position, axes) > limits->travel) {
             end = PLAYER_TOO_FAR;
-        } else if (k >= apart && fabs(position - log->position[k - apart])
+        } else if (k >= apart && player_apart(positions, log->position + (k - apart) * axes, axes)
                 > limits->speed * (now - began - log->time[k - apart])) {
             end = PLAYER_TOO_FAST;
         } else if (now - due > latest) {
             end = PLAYER_LATE;
         }
         /* The row after the last ends it: from then on the force is zero. */
-        force = end == PLAYER_DONE && k < plan->count ? player_faded(plan, limits, k) : 0.0;
-        if (end == PLAYER_DONE && k < plan->count) {
-            if (device->write_force(device->context, force) != 0) {
-                end = PLAYER_NOT_WRITTEN;
-                break;
-            }
-        } else {
-            if (player_switch_off(device) != 0) {
-                end = PLAYER_STILL_ON;
-            }
-            player_keep(log, now - began, 0.0, position);
-            return end;
+        over = end != PLAYER_DONE || k == plan->count;
+        for (axis = 0; axis < axes; axis++) {
+            forces[axis] =
+                over ? 0.0 : plan->force[k * axes + axis] * player_faded(plan, limits, k);
         }
-        player_keep(log, now - began, force, position);
+        if (!over && device->write_forces(device->context, axes, forces) != 0) {
+            end = PLAYER_NOT_WRITTEN;
+            break;
+        }
+        log->time[log->count++] = now - began;
+        if (over) {
+            break;
+        }
     }
-    return player_switch_off(device) == 0 ? end : PLAYER_STILL_ON;
+    return player_switch_off(device, axes) == 0 ? end : PLAYER_STILL_ON;
 }
 
 /* Writes a log as CSV. Returns 0, or -1 if it is not whole. */
 static int player_write(FILE *file, const player_rows *log)
 {
     long k;
-    fprintf(file, "time,force,position\n");
-    for (k = 0; k < log->count; k++) {
-        fprintf(file, "%.9f,%.12g,%.12g\n", log->time[k], log->force[k], log->position[k]);
+    int axis;
+    fprintf(file, "time");
+    for (axis = 0; axis < 2 * log->axes; axis++) {
+        const int force = axis < log->axes;
+        fprintf(file, ",%s%s", force ? "force" : "position", log->names[axis % log->axes]);
     }
+    for (k = 0; k < log->count; k++) {
+        fprintf(file, "\n%.9f", log->time[k]);
+        for (axis = 0; axis < 2 * log->axes; axis++) {
+            const double *row = axis < log->axes ? log->force : log->position;
+            fprintf(file, ",%.12g", row[k * log->axes + axis % log->axes]);
+        }
+    }
+    fprintf(file, "\n");
     return fflush(file) != 0 || ferror(file) ? -1 : 0;
 }
 
 /* Room for a number of rows. Returns 0, or -1 if there is none. */
-static int player_rows_new(player_rows *rows, long room)
+static int player_rows_new(player_rows *rows, long room, int axes)
 {
     const size_t size = (size_t)room * sizeof(double);
     memset(rows, 0, sizeof *rows);
+    rows->axes = axes;
     rows->time = malloc(size);
-    rows->force = malloc(size);
-    rows->position = malloc(size);
+    rows->force = malloc(size * (size_t)axes);
+    rows->position = malloc(size * (size_t)axes);
     return rows->time && rows->force && rows->position ? 0 : -1;
 }
 
-/* Reads time,force. Returns NULL, or what is wrong with the file. */
+/* The axes of a header: time,force or time,force_x,force_y. Returns 0 if it is another line. */
+static int player_axes(char *line, char names[][32])
+{
+    char *word = strtok(line, ",\r\n");
+    int axes = 0;
+    if (!word || strcmp(word, "time") != 0) {
+        return 0;
+    }
+    while ((word = strtok(NULL, ",\r\n"))) {
+        if (axes == PLAYER_MOST_AXES || strncmp(word, "force", 5) != 0 || strlen(word) > 36) {
+            return 0;
+        }
+        strcpy(names[axes++], word + 5);
+    }
+    return axes;
+}
+
+/* Reads time and forces. Returns NULL, or what is wrong with the file. */
 static const char *player_load(FILE *file, const player_limits *limits, player_rows *plan)
 {
-    char line[256];
+    char line[256], names[PLAYER_MOST_AXES][32];
     long room = 1024;
-    double time, force;
-    if (player_rows_new(plan, room) != 0) {
+    int axis;
+    const int axes = fgets(line, sizeof line, file) ? player_axes(line, names) : 0;
+    if (axes == 0) {
+        return "does not begin with the line time,force or time,force_x,force_y";
+    }
+    if (player_rows_new(plan, room, axes) != 0) {
         return "needs more memory than there is";
     }
-    if (!fgets(line, sizeof line, file) || strncmp(line, "time,force", 10) != 0) {
-        return "does not begin with the line time,force";
-    }
+    memcpy(plan->names, names, sizeof names);
     while (fgets(line, sizeof line, file)) {
-        if (sscanf(line, "%lf,%lf", &time, &force) != 2 || !isfinite(time) || !isfinite(force)) {
-            return "has a row that is not two numbers";
-        }
-        if (fabs(force) > limits->force) {
-            return "holds a force beyond --force";
-        }
+        char *cell = line, *end = line;
+        double *time, *forces;
         if (plan->count == room) {
-            double *times = realloc(plan->time, 2 * (size_t)room * sizeof *times);
-            double *forces;
-            plan->time = times ? times : plan->time;
-            forces = realloc(plan->force, 2 * (size_t)room * sizeof *forces);
+            time = realloc(plan->time, 2 * (size_t)room * sizeof *time);
+            plan->time = time ? time : plan->time;
+            forces = realloc(plan->force, 2 * (size_t)(room * axes) * sizeof *forces);
             plan->force = forces ? forces : plan->force;
-            if (!times || !forces) {
+            if (!time || !forces) {
                 return "needs more memory than there is";
             }
             room *= 2;
         }
-        plan->time[plan->count] = time;
-        plan->force[plan->count++] = force;
+        time = plan->time + plan->count;
+        forces = plan->force + plan->count * axes;
+        for (axis = -1; axis < axes; axis++) {
+            double *value = axis < 0 ? time : forces + axis;
+            *value = strtod(cell, &end);
+            if (end == cell || !isfinite(*value) || (axis < axes - 1 && *end != ',')) {
+                return "has a row that is not a number for each column";
+            }
+            if (axis >= 0 && fabs(*value) > limits->force) {
+                return "holds a force beyond --force";
+            }
+            cell = end + 1;
+        }
+        plan->count++;
     }
     if (plan->count < 2) {
         return "has less than two rows";
@@ -244,8 +301,11 @@ static const char *player_load(FILE *file, const player_limits *limits, player_r
             return "has times that are not evenly spaced";
         }
     }
-    if (limits->ramp <= 0.0 && (plan->force[0] != 0.0 || plan->force[plan->count - 1] != 0.0)) {
-        return "does not begin and end with zero force; add --ramp SECONDS";
+    for (axis = 0; axis < axes; axis++) {
+        const double last = plan->force[(plan->count - 1) * axes + axis];
+        if (limits->ramp <= 0.0 && (plan->force[axis] != 0.0 || last != 0.0)) {
+            return "does not begin and end with zero force; add --ramp SECONDS";
+        }
     }
     return NULL;
 }
@@ -286,8 +346,8 @@ static int player_fail(const char *subject, const char *problem)
 
 int main(int argc, char **argv)
 {
-    const player_device device = { device_read_position, device_write_force, device_stop_pressed,
-        player_wait_until, NULL };
+    const player_device device = { device_read_positions, device_write_forces,
+        device_stop_pressed, player_wait_until, NULL };
     player_limits limits = { 0.0, 0.0, 0.0, 0.0 };
     player_rows plan, log;
     player_end end;
@@ -316,7 +376,7 @@ int main(int argc, char **argv)
     if (problem) {
         return player_fail(argv[1], problem);
     }
-    if (player_rows_new(&log, plan.count + 1) != 0) {
+    if (player_rows_new(&log, plan.count + 1, plan.axes) != 0) {
         return player_fail(argv[2], "needs more memory than there is");
     }
     /* Opened before anything moves: a log that cannot be kept is not played. */

@@ -4,11 +4,12 @@ Fill in the device below, then
     python player.py force.csv log.csv --force 14 --travel 0.1 --speed 1.0
 and keep a hand on the emergency stop of the device, which must not depend on this program.
 
-Row k of force.csv is held from k T on. Each sample the position is read, compared with the limits,
-and only then the force is written. Whatever ends the play writes zero force, and the rows up to
-there are kept. SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along
-+position. The device starts at rest in the middle of its travel, with no hand on it. One file: a
-program that is copied to a controller as it is.
+Row k of force.csv is held from k T on; it has a force, or one of each axis (force_x,force_y). Each
+sample the positions are read, compared with the limits, and only then the forces are written.
+Whatever ends the play writes zero force, and the rows up to there are kept. SI units: N, m, m/s;
+N m, rad, rad/s for a rotary axis. Force is positive along +position. The device starts at rest in
+the middle of its travel, with no hand on it. One file: a program that is copied to a controller as
+it is.
 """
 
 from __future__ import annotations
@@ -32,15 +33,15 @@ EVEN = 1e-3
 
 
 class Device:
-    """The device: fill in. Anything that fails raises an exception."""
+    """The device: fill in. What fails raises an exception. Of one axis lists have one number."""
 
-    def read_position(self) -> float:
-        """Position, m (rad)."""
-        raise NotImplementedError("fill in read_position")
+    def read_positions(self) -> list[float]:
+        """Position of each axis, m (rad), in the order of the columns of the plan."""
+        raise NotImplementedError("fill in read_positions")
 
-    def write_force(self, force: float) -> None:
-        """Apply a force, N (N m), until the next call."""
-        raise NotImplementedError("fill in write_force")
+    def write_forces(self, forces: list[float]) -> None:
+        """Apply a force to each axis, N (N m), until the next call."""
+        raise NotImplementedError("fill in write_forces")
 
     def stop_pressed(self) -> bool:
         """Whether an emergency stop or an enabling switch says that the play must end."""
@@ -62,7 +63,7 @@ class Clock:
 class Limits:
     """What ends a play.
 
-    Attributes:
+    Attributes, of every axis:
         force: largest |force| in the plan, N (N m).
         travel: farthest from the start, m (rad).
         speed: m/s (rad/s).
@@ -77,35 +78,43 @@ class Limits:
 
 @dataclass(frozen=True)
 class Plan:
-    """Forces, N (N m), each held for a sample time, s."""
+    """Forces of each axis, N (N m), each held for a sample time, s; columns are named as in it."""
 
+    columns: list[str]
     sample_time: float
-    forces: list[float]
+    forces: list[list[float]]
 
-    def faded(self, sample: int, ramp: float) -> float:
-        """The force of a sample, faded in and out over a ramp, s."""
+    def faded(self, sample: int, ramp: float) -> list[float]:
+        """The forces of a sample, faded in and out over a ramp, s."""
         least = min(sample, len(self.forces) - 1 - sample) * self.sample_time
-        return self.forces[sample] * (least / ramp if ramp > least else 1.0)
+        return [each * (least / ramp if ramp > least else 1.0) for each in self.forces[sample]]
 
 
 @dataclass
 class Played:
-    """What was played: rows of time, force and position, and how it ended.
+    """What was played: rows of time, forces and positions, and how it ended.
 
     Attributes:
-        rows: the force of each is held until the next; the last is zero.
+        columns: of forces.
+        rows: the forces of each are held until the next; the last are zero.
         end: "" if it was played to the end, else why it stopped.
         switched_off: whether zero force was written at the end.
     """
 
-    rows: list[tuple[float, float, float]] = field(default_factory=list[tuple[float, float, float]])
+    columns: list[str]
+    rows: list[tuple[float, list[float], list[float]]] = field(
+        default_factory=list[tuple[float, list[float], list[float]]]
+    )
     end: str = ""
     switched_off: bool = False
 
     def text(self) -> str:
         """The log as CSV."""
-        lines = [f"{when:.9f},{force:.12g},{place:.12g}" for when, force, place in self.rows]
-        return "\n".join(["time,force,position", *lines]) + "\n"
+        positions = [name.replace("force", "position", 1) for name in self.columns]
+        lines = [",".join(["time", *self.columns, *positions])]
+        for when, forces, places in self.rows:
+            lines.append(",".join([f"{when:.9f}", *[f"{each:.12g}" for each in forces + places]]))
+        return "\n".join(lines) + "\n"
 
 
 class Interrupt:
@@ -120,23 +129,26 @@ class Interrupt:
 
 
 def load_plan(path: Path, limits: Limits) -> Plan:
-    """The plan in a file of time,force. Raises ValueError where it cannot be played."""
+    """The plan in a file of time and forces. Raises ValueError where it cannot be played."""
     header, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
-    if header.strip() != "time,force":
-        raise ValueError(f"{path} does not begin with the line time,force")
-    rows = [tuple(float(cell) for cell in line.split(",")) for line in lines if line.strip()]
-    if len(rows) < 2 or any(len(row) != 2 or not all(map(math.isfinite, row)) for row in rows):
-        raise ValueError(f"{path} has no rows of two numbers")
-    times, forces = ([row[column] for row in rows] for column in (0, 1))
+    first, *names = header.strip().split(",")
+    if first != "time" or not names or not all(each.startswith("force") for each in names):
+        raise ValueError(f"{path} does not begin with the line time,force or time,force_x,force_y")
+    rows = [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
+    width = 1 + len(names)
+    if len(rows) < 2 or any(len(row) != width or not all(map(math.isfinite, row)) for row in rows):
+        raise ValueError(f"{path} has no rows of {width} numbers")
+    times, forces = [row[0] for row in rows], [row[1:] for row in rows]
     step = (times[-1] - times[0]) / (len(rows) - 1)
     uneven = (abs(when - times[0] - k * step) > EVEN * step for k, when in enumerate(times))
     if step <= 0 or any(uneven):
         raise ValueError(f"{path} has times that are not evenly spaced")
-    if max(map(abs, forces)) > limits.force:
-        raise ValueError(f"{path} holds a force of {max(map(abs, forces)):g}, beyond --force")
-    if limits.ramp <= 0 and (forces[0] or forces[-1]):
+    most = max(abs(each) for row in forces for each in row)
+    if most > limits.force:
+        raise ValueError(f"{path} holds a force of {most:g}, beyond --force")
+    if limits.ramp <= 0 and any(forces[0] + forces[-1]):
         raise ValueError(f"{path} does not begin and end with zero force; add --ramp SECONDS")
-    return Plan(step, forces)
+    return Plan(names, step, forces)
 
 
 def play(
@@ -147,7 +159,7 @@ def play(
     interrupt: Interrupt | None = None,
 ) -> Played:
     """Play a plan within limits. Whatever happens, zero force is written in the end."""
-    played = Played()
+    played = Played(plan.columns)
     try:
         _play(device, plan, limits, clock or Clock(), interrupt or Interrupt(), played)
     except BaseException as error:
@@ -155,48 +167,53 @@ def play(
         if not isinstance(error, (Exception, KeyboardInterrupt)):
             raise
     finally:
-        played.switched_off = played.switched_off or _switch_off(device)
+        played.switched_off = played.switched_off or _switch_off(device, len(plan.columns))
     return played
 
 
 def _play(
     device: Device, plan: Plan, limits: Limits, clock: Clock, interrupt: Interrupt, played: Played
 ) -> None:
-    step, count = plan.sample_time, len(plan.forces)
+    step, count, axes = plan.sample_time, len(plan.forces), len(plan.columns)
     apart = max(1, round(SPEED_OVER / step))
     latest = max(LATEST, 10 * step)
     began = clock.wait_until(0.0)
     for sample in range(count + 1):
         now = clock.wait_until(began + sample * step) - began
-        place = device.read_position()
-        if not math.isfinite(place):
-            played.end = "stopped: the position is not a number"
+        places = list(device.read_positions())
+        if len(places) != axes or not all(map(math.isfinite, places)):
+            played.end = f"stopped: the position is not a number for each of {axes} axes"
             return
-        start = played.rows[0][2] if played.rows else place
-        before = played.rows[sample - apart] if sample >= apart else (now, 0.0, place)
+        start = played.rows[0][2] if played.rows else places
+        when, _, before = played.rows[sample - apart] if sample >= apart else (now, [], places)
         if interrupt.came or device.stop_pressed():
             played.end = "stopped: emergency stop"
-        elif abs(place - start) > limits.travel:
+        elif _apart(places, start) > limits.travel:
             played.end = "stopped: travel exceeded"
-        elif abs(place - before[2]) > limits.speed * (now - before[0]):
+        elif _apart(places, before) > limits.speed * (now - when):
             played.end = "stopped: too fast"
         elif now - sample * step > latest:
             played.end = "stopped: a sample came too late"
         # The row after the last ends the play: from then on the force is zero.
         if played.end or sample == count:
-            played.switched_off = _switch_off(device)
-            played.rows.append((now, 0.0, place))
+            played.switched_off = _switch_off(device, axes)
+            played.rows.append((now, [0.0] * axes, places))
             return
-        force = plan.faded(sample, limits.ramp)
-        device.write_force(force)
-        played.rows.append((now, force, place))
+        forces = plan.faded(sample, limits.ramp)
+        device.write_forces(forces)
+        played.rows.append((now, forces, places))
 
 
-def _switch_off(device: Device) -> bool:
-    """Write zero force, more than once if need be; whether it was taken."""
+def _apart(places: list[float], others: list[float]) -> float:
+    """How far the axis is that moved most, m (rad)."""
+    return max(abs(place - others[axis]) for axis, place in enumerate(places))
+
+
+def _switch_off(device: Device, axes: int) -> bool:
+    """Write zero force to every axis, more than once if need be; whether it was taken."""
     for _ in range(ATTEMPTS):
         try:
-            device.write_force(0.0)
+            device.write_forces([0.0] * axes)
         except Exception:  # noqa: BLE001, S112 - another attempt is all there is
             continue
         return True

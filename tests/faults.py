@@ -729,6 +729,51 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_several_axes.py",
         ("a hand on several axes", "if held and device.axes is not None:", "if False:"),
     ),
+    # Several axes: what drives them one after another, and what is felt across a force.
+    *_of(
+        "identification/estimators/joint.py",
+        "tests/test_several_axes.py -k 'another or leave_an'",
+        ("axes that stand are held", "<= _NOISE * table.signals.noise", "< 0"),
+        ("axes that never move together", "if all(part.stands[one] or part.", "if any(part."),
+    ),
+    Fault(
+        name="axes that no force drives",
+        file="identification/fitting/several_axes.py",
+        old="        if seen.all():\n",
+        new="        if seen.any():\n",
+        tests="tests/test_several_axes.py -k 'another or leave_an'",
+    ),
+    Fault(
+        name="an axis freed within a sample",
+        file="datasets_synthetic/simulation.py",
+        old="np.abs(acting[which] - pull) > friction[which]",
+        new="np.abs(acting[which] - pull) > np.inf",
+        tests="tests/test_rig.py -k frees",
+    ),
+    *_of(
+        "tune/verification/directions.py",
+        "tests/test_several_axes.py -k 'gain_of_one or askew or leaves_its'",
+        ("force across is judged", "agrees = seen <= allowed", "agrees = True"),
+        ("motion across is judged", "if bent <= _BENT:", "if True:"),
+    ),
+    *_of(
+        "tune/templates/player.py",
+        "tests/test_player.py -k each_axis",
+        (
+            "travel of every axis",
+            "for axis, place in enumerate(places))",
+            "for axis, place in [(0, places[0])])",
+        ),
+    ),
+    *_of(
+        "tune/templates/player.c",
+        "tests/test_player.py -k each_axis",
+        (
+            "travel of every axis, in C",
+            "most = fmax(most, fabs(positions[axis] - others[axis]));",
+            "most = fabs(positions[0] - others[0]);",
+        ),
+    ),
 )
 
 

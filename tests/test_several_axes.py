@@ -826,15 +826,17 @@ def played(
     element: str = "rubber",
     normal: FloatArray | None = None,
     told: tuple[float, float] = (1.0, 1.0),
+    holds: FloatArray | None = None,
 ) -> ident.Trajectories:
-    """What the guard commands at a gain while a hand holds the true device with a force, lets go.
+    """What the guard commands at a gain while a hand pulls the true device there, and lets go.
 
-    Forces reach the motors, and the log, times those told of each axis.
+    The hand's force is beside what it takes to slide each axis. Forces of the guard reach the
+    motors, and the log, times those told of each axis. What ``holds`` is friction of each axis.
     """
     rig = RigOfAxes(
         mass=np.array([PLANE["mass"]]),
         damping=np.array([PLANE["damping"]]),
-        coulomb_friction=np.array([PLANE["coulomb_friction"]]),
+        coulomb_friction=np.array([PLANE["coulomb_friction"]]) if holds is None else holds[None],
         sample_time=STEP,
         delay=STEP,
         encoder_resolution=6e-6,
@@ -853,7 +855,7 @@ def played(
         return commands[-1][None]
 
     pushed = np.zeros((1, 2500, 2))
-    pushed[0, :GONE] = hand
+    pushed[0, :GONE] = hand + np.sign(hand) * PLANE["coulomb_friction"]
     position = rig.run(pushed, law=law).position[0]
     force: FloatArray = np.round(np.array(commands), 5).astype(np.float64)
     return ident.Trajectories(
@@ -871,13 +873,28 @@ def played(
     )
 
 
-@pytest.mark.parametrize("way", [LIGHT, HEAVY], ids=["light", "heavy"])
-def test_a_spring_let_go_along_a_principal_axis_agrees(
-    way: FloatArray, profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+@pytest.mark.parametrize(
+    ("way", "assessed", "holds"),
+    [
+        (LIGHT, False, None),
+        (HEAVY, True, None),
+        (np.array([1.0, 0.0]), True, np.array([PLANE["coulomb_friction"][0], 1e6])),
+    ],
+    ids=["light", "heavy", "rail"],
+)
+def test_a_spring_let_go_along_a_line_agrees(
+    way: FloatArray,
+    *,
+    assessed: bool,
+    holds: FloatArray | None,
+    profile: SafeProfile,
+    bits: dict[str, int],
+    guard: GuardOfAxes,
 ) -> None:
-    seen = verify(profile, played(guard, bits, 7.5 * way), release=RELEASE)
+    """A principal one, on the lighter of which friction bends the motion too much, or a rail."""
+    seen = verify(profile, played(guard, bits, 7.5 * way, holds=holds), release=RELEASE)
     assert seen.elements == ("rubber",)
-    assert seen.assessed
+    assert seen.assessed == assessed
     assert not seen.disagreements
     assert seen.gain == pytest.approx(GAIN, rel=1e-4)
     assert abs(np.dot(seen.direction or (), way)) > 0.99
@@ -924,11 +941,12 @@ def test_motion_that_leaves_its_line_tells_the_law_only(
     found = {each.check: each for each in seen.outcomes}
     assert found["law"].verdict == found["across"].verdict == "agrees"
     assert not seen.assessed
-    assert "principal direction" in found["frequency"].seen
+    assert "principal direction" in found["frequency"].remedy
 
 
 def test_verify_compares_and_plans_along_principal_axes(
     room: Path,
+    profile: SafeProfile,
     bits: dict[str, int],
     guard: GuardOfAxes,
     monkeypatch: pytest.MonkeyPatch,
@@ -949,6 +967,10 @@ def test_verify_compares_and_plans_along_principal_axes(
     assert ended.code == 0, ended.err
     ways = [each["play"]["direction"] for each in json.loads(ended.out)["details"]["play"]]
     assert np.abs(np.array(ways) @ np.array([LIGHT, HEAVY]).T) == pytest.approx(np.eye(2), abs=0.1)
+    # So far that the guard cuts no force of it.
+    rubber = profile.elements["rubber"]
+    for each in json.loads(ended.out)["details"]["play"]:
+        assert 0 < each["play"]["displacement"] * rubber.stiffness < rubber.force_level
     ended = haptune("verify", "profile.yaml", "played.csv", *COLUMNS, "--element", "wall+water")
     assert ended.code == 2
     assert "Play and compare the wall alone" in ended.err

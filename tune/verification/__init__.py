@@ -38,8 +38,8 @@ from tune.verification.directions import (
     comparable,
     judge_across,
     leading_direction,
+    motion_across,
     principal_directions,
-    straightness,
     turned_to,
 )
 from tune.verification.law import (
@@ -237,12 +237,12 @@ def verify(
         profile = profile.model_copy(update={"device": profile.device.along(direction)})
         line = turned_to(trajectory, direction)
     digits = digits_of(profile, axes, direction or (1.0,))
-    law = judge_law(profile, comparable(profile, direction, element), line, gain, digits)
+    size = np.linalg.norm([each.force for each in axes], axis=0)
+    law = judge_law(profile, comparable(profile, direction, element), line, gain, digits, size)
     told = list(law.outcomes)
     why = "" if law.effects is not None and law.gain > 0 else "no law is known that was played"
     if direction is not None:
         told.append(judge_across(profile, axes, direction, law, digits))
-        why = why or straightness(profile, axes, direction, law)
     motion: MeasuredMotion | None = None
     cutoffs: tuple[MeasuredCutoff, ...] = ()
     rest = tuple(unassessed_outcome(check, why) for check in _OF_THE_MOTION)
@@ -256,6 +256,7 @@ def verify(
                 line.position,
                 law.log.used,
                 _step(line),
+                0 if direction is None else motion_across(profile, axes, direction, law),
                 0 if release is None else int(np.searchsorted(line.time, release)),
             )
             ripple = _ripple(profile, line, law.loop, law.effects, motion, digits.force)

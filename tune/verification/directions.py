@@ -31,9 +31,6 @@ from tune.verification.measured_law import MISFIT, ROUNDING, MeasuredLaw
 
 FloatArray = NDArray[np.float64]
 
-#: Motion across, part of that along, beyond which it is not the motion of one axis.
-_BENT = 0.1
-
 
 def leading_direction(forces: Sequence[FloatArray]) -> tuple[float, ...]:
     """Unit vector of the direction in which forces of axes, N, (n,) each, vary most."""
@@ -143,22 +140,15 @@ def judge_across(
     )
 
 
-def straightness(
+def motion_across(
     profile: Design, axes: Sequence[Trajectory], direction: Sequence[float], law: MeasuredLaw
-) -> str:
-    """Why the motion tells nothing of the device in the direction; "" where it does."""
+) -> float:
+    """Rms of the motion across, part of that along; 0 where only walls push, which act along."""
     if not _without_walls(profile, law.elements):
-        return ""
+        return 0.0
     used = law.log.used
-    along = law.log.position[used]
-    across = [position[used] for _, position in _across(axes, direction)]
-    bent = float(np.linalg.norm([np.std(each) for each in across]) / np.std(along))
-    if bent <= _BENT:
-        return ""
-    return (
-        f"the handle moves across by {bent:.0%} of its motion along; let go in a principal "
-        "direction of the mass, or with the other axes held"
-    )
+    across = [np.std(position[used]) for _, position in _across(axes, direction)]
+    return float(np.linalg.norm(across) / np.std(law.log.position[used]))
 
 
 def _without_walls(profile: Design, combination: Combination) -> Combination:

@@ -46,8 +46,8 @@ _ALIKE = 1.5
 #: Force at its limit within this part is saturated.
 _AT_LIMIT = 1e-6
 #: Where the limit is not known: the largest force, unchanged while the handle moves by this part of
-#: its reach, is it; ...
-_PLATEAU = 0.05
+#: its reach, or by so many counts of a known encoder, is it; ...
+_PLATEAU, _COUNTS = 0.05, 3.0
 #: ... no force while it moves by this part is outside of a one-sided wall.
 _OUTSIDE = 0.01
 #: Units in which a position is often logged, as m or rad in one of them.
@@ -95,14 +95,15 @@ def judge_law(
     trajectory: Trajectory,
     gain: float | None,
     digits: Digits,
+    size: FloatArray,
 ) -> MeasuredLaw:
     """Compare the logged force with the law of each combination that may have been played.
 
     The gain is that at which it was played, or None where the user did not say. Force and position
-    are printed to ``digits``.
+    are printed to ``digits``; ``size`` is how large the force is in all directions, N, shape (n,).
     """
     force, position = trajectory.force, trajectory.position
-    used = _rows_of_the_law(profile, force, position)
+    used = _rows_of_the_law(profile, size, position, digits.force)
     log = Log(loop=profile.loop, force=force, position=position, used=used)
     effects = {combination: effects_of(profile, combination) for combination in combinations}
     unseen = MeasuredLaw(
@@ -190,16 +191,21 @@ def _position_digit(profile: Design, position: FloatArray) -> float:
     return digit
 
 
-def _rows_of_the_law(profile: Design, force: FloatArray, position: FloatArray) -> NDArray[np.bool_]:
+def _rows_of_the_law(
+    profile: Design, size: FloatArray, position: FloatArray, digit: float
+) -> NDArray[np.bool_]:
     """Rows neither at the force limit nor outside of a one-sided wall, shape (n,)."""
-    size = np.abs(force)
     largest = float(size.max())
     limit = profile.device.force_limit
     most = np.inf if limit is None else limit.peak
     saturated = size >= most * (1 - _AT_LIMIT)
     reach = float(np.ptp(position))
-    saturated |= _moving(size >= largest * (1 - _AT_LIMIT), position, _PLATEAU * reach)
-    return ~(saturated | _moving(force == 0, position, _OUTSIDE * reach))
+    resolution = profile.device.encoder_resolution
+    least = _PLATEAU * reach
+    if resolution is not None:
+        least = min(least, _COUNTS * resolution.value)
+    saturated |= _moving(size >= largest * (1 - _AT_LIMIT) - digit, position, least)
+    return ~(saturated | _moving(size == 0, position, _OUTSIDE * reach))
 
 
 def _moving(rows: NDArray[np.bool_], position: FloatArray, least: float) -> NDArray[np.bool_]:

@@ -64,6 +64,7 @@ FAULTS: tuple[Fault, ...] = (
         ("coupling of clamps and switches", " * 0.25\n", " * 0.0\n"),
         ("levels of what fades", "zip(terms[sides:], sum_.steady, strict=True)", "zip((), ())"),
         ("levels up to the gain", "len(begun)), claim.gain)", "len(begun)), 1.0)"),
+        ("coupling beside a line", " + self.whole * self.less * 4.0", ""),
     ),
     *_of(
         "tune/certificate/absolute.py",
@@ -75,6 +76,14 @@ FAULTS: tuple[Fault, ...] = (
             "Claim(gain=0.0, extra=0.0)",
         ),
         ("a constant where a device is held", "* whole + channel.constant)", "* whole + 1.0)"),
+        ("a circle behind a line", "centre - root.centre.real - wide", "centre - wide"),
+        ("the width of a cell behind a line", "root.centre.real - wide - lost", "root.centre.real"),
+    ),
+    *_of(
+        "tune/certificate/zero_exclusion.py",
+        "tests/test_zero_exclusion.py -k add_up",
+        ("all of an extra delay", "high + extra * step", "high + 0.5 * extra * step"),
+        ("all pieces of a delay", "in pairwise(ends.tolist())", "in [(ends[0], ends[1])]"),
     ),
     *_of(
         "tune/certificate/absolute.py",

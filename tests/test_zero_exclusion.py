@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from flint import acb
 from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from tests.thinned import thinned
 from tune.certificate.affine import AffineForm
@@ -399,3 +401,41 @@ def _at(form: AffineForm, u: np.ndarray) -> complex:  # type: ignore[type-arg]
 
 def _rest(form: AffineForm) -> float:
     return float(np.hypot(form.real[0], form.imag[0]))
+
+
+def test_an_uncertain_delay_and_the_extra_one_add_up() -> None:
+    """A spring at the largest of both: poles of the held loop, delayed by parts of a sample."""
+    step, mass, damping, stiffness = 1e-3, 0.7, 3.0, 300.0
+    longest = 1.4 + EXTRA
+
+    def radius(gain: float) -> float:
+        whole, part = divmod(longest, 1.0)
+        law = np.zeros((3, 3))
+        law[:2] = [[0, 1, 0], [0, -damping / mass, 1 / mass]]
+        late, rest = expm(law * part * step), expm(law * (1 - part) * step)
+        count = int(whole) + 1  # positions read before, the oldest last
+        loop = np.eye(2 + count, k=-1)
+        loop[:2] = 0.0
+        loop[:2, :2] = rest[:2, :2] @ late[:2, :2]
+        loop[2, :3] = [1.0, 0.0, 0.0]
+        loop[:2, -1] = -gain * stiffness * rest[:2, :2] @ late[:2, 2]
+        loop[:2, -2] -= gain * stiffness * rest[:2, 2]
+        return float(np.max(np.abs(np.linalg.eigvals(loop))))
+
+    limit = brentq(lambda gain: radius(gain) - 1, 0.5, 20.0)
+    region = Region(
+        mass=(mass, mass),
+        damping=(damping, damping),
+        sample_time=(step, step),
+        delay=(0.2 * step, 1.4 * step),
+    )
+    setting = Setting(
+        stiffness=stiffness,
+        damping=0.0,
+        mass=0.0,
+        velocity_filter_hz=None,
+        acceleration_filter_hz=None,
+    )
+    for part, proved in ((0.999, True), (1.001, False)):
+        claim = Claim(gain=part * limit, extra=EXTRA)
+        assert prove(region, setting, [claim], 20_000).proved == proved

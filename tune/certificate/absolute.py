@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.affine import (
+    ROUNDING,
     AffineForm,
     FloatArray,
     Term,
@@ -94,15 +95,17 @@ def _prove_absolute(
         steady = list(zip(terms[sides:], sum_.steady, strict=True))
         pull = np.zeros_like(cells.low)
         with np.errstate(all="ignore"):
-            condition, factors = _determinant(
+            found, factors = _determinant(
                 theta, mechanism_of(merged, terms[:sides]), channels, claim.gain, steady
             )
+            condition = found.total()
+            holds = (real_lower_bound(condition) > 0) | found.beyond_a_line()
             # What is not straight comes from products: by the squares of the factors' slopes.
             bent = [np.abs(each.slopes / each.centre) for each in factors]
             bent = np.nan_to_num(bent, posinf=1e3)
             shares = np.sum(bent**2, axis=0) + _TINY
         pull[symbols] = np.abs(condition.slopes.real) + condition.real * shares / shares.sum(axis=0)
-        return real_lower_bound(condition) > 0, pull
+        return holds, pull
 
     proof = decide(begun, examine, most_cells)
     if proof.doubt is not None:
@@ -137,13 +140,51 @@ def _channels(
     return list(zip([*sum_.clamps.values(), *dampers], multipliers, strict=True))
 
 
+@dataclass(frozen=True, slots=True)
+class _Determinant:
+    """A·|D|² + Re(D̄·Q) - R, positive where the condition holds."""
+
+    bottom: AffineForm  # D
+    whole: AffineForm  # A
+    beside: AffineForm  # Q
+    less: AffineForm  # R
+
+    def total(self) -> AffineForm:
+        """All of it."""
+        loop = real_part(conjugate(self.bottom) * self.beside)
+        return self.whole * squared_modulus(self.bottom) + loop - self.less
+
+    def beyond_a_line(self) -> NDArray[np.bool_]:
+        """Whether a straight line shows it, in each cell.
+
+        With A > 0 it says |2·A·D + Q| > √(|Q|² + 4·A·R), which is to be outside of a circle: so is
+        what has a line between. D is all but straight in mass, damping and stiffness, so that
+        little is lost however wide they are. The root is bounded by its tangent.
+        """
+        seen = self.whole * self.bottom * 2.0 + self.beside
+        square = squared_modulus(self.beside) + self.whole * self.less * 4.0
+        middle = np.maximum(square.centre.real, _TINY)
+        root = (square + middle) * (0.5 / np.sqrt(middle))
+        shown = np.zeros(seen.centre.shape, dtype=np.bool_)
+        # A line at right angles to the way to the middle, or along what moves it.
+        for way in (seen.centre, *(1j * seen.slopes)):
+            unit = np.conj(way) / np.maximum(np.abs(way), _TINY) * (1 - 4 * ROUNDING)
+            unit *= np.where((unit * seen.centre).real < 0, -1.0, 1.0)
+            centre, slopes = (unit * seen.centre).real, (unit * seen.slopes).real
+            wide = np.sum(np.abs(slopes - root.slopes.real), axis=0) + root.real
+            wide += np.abs(unit.real) * seen.real + np.abs(unit.imag) * seen.imag
+            lost = 4 * ROUNDING * (np.abs(centre) + np.abs(root.centre.real) + wide)
+            shown |= centre - root.centre.real - wide - lost > 0
+        return shown & (real_lower_bound(self.whole) > 0)
+
+
 def _determinant(
     theta: AffineForm,
     mechanism: Mechanism,
     channels: Sequence[tuple[Setting, Channel]],
     gain: float,
     steady: Sequence[tuple[Term, Setting]],
-) -> tuple[AffineForm, list[AffineForm]]:
+) -> tuple[_Determinant, list[AffineForm]]:
     """(|D|² times the determinant, what it is made of), without θ where nothing is grounded."""
     plant = sampled_plant(theta, mechanism)
     step, one, square = mechanism.sample_time, theta * 0.0 + 1.0, real_part(theta * theta)
@@ -171,16 +212,16 @@ def _determinant(
     clamps = len(apart)
     # θ² that was taken out of every clamp.
     out = square if clamps else one
-    loop, squared = seen * conjugate(bottom), squared_modulus(seen)
-    total = out * squared_modulus(bottom) * product_of(sizes)
+    beside, less = one * 0.0, one * 0.0
     for i, product in enumerate(products):
-        term = real_part(loop * product) * product_of(sizes, without=(i,))
-        total = total + (term if i < clamps else out * term)
+        others = product_of(sizes, without=(i,))
+        beside = beside + seen * product * (others if i < clamps else out * others)
     for i, j in itertools.combinations(range(len(products)), 2):
         between = apart[i] - apart[j] if j < clamps else products[i] - products[j]
         others = product_of(sizes, without=(i, j)) * 0.25
-        total = total - squared * squared_modulus(between) * others
-    return total, [bottom, seen, *sizes, *products]
+        less = less + squared_modulus(seen) * squared_modulus(between) * others
+    found = _Determinant(bottom, out * product_of(sizes), beside, less)
+    return found, [bottom, seen, *sizes, *products]
 
 
 def _taps(

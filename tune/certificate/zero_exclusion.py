@@ -9,7 +9,7 @@ point known to be stable, a region without crossings is stable throughout.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tune.certificate.affine import ROUNDING, AffineForm, FloatArray, Term
-from tune.certificate.region import Region, Setting, Sizes, groups_of_equal_effects
+from tune.certificate.region import Interval, Region, Setting, Sizes, groups_of_equal_effects
 from tune.certificate.value_set import (
     Mechanism,
     excludes_zero,
@@ -35,6 +35,10 @@ _NARROWEST = 1e-9
 _RATIO = 1.5
 #: A side that moves nothing is split when it is so many times wider than what would be.
 _STARVED = 16.0
+#: Ends that are so many times apart are split at their geometric mean.
+_WIDE = 2.0
+#: The delay of the device among the sides of a region.
+_DELAY = 3
 #: A second side is split at once if it moves the loop by more than this part of the first.
 _ALSO = 0.5
 
@@ -116,19 +120,36 @@ def initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
     lows, highs = np.array(region.sides()).T
     columns: list[tuple[FloatArray, FloatArray]] = []
     for claim in claims:
-        pieces = max(1, int(np.ceil(2 * claim.extra)))
-        for piece in range(pieces):
-            start, end = claim.extra * piece / pieces, claim.extra * (piece + 1) / pieces
+        for extra, delay in _delays(region, claim.extra):
+            lows[_DELAY], highs[_DELAY] = delay
             for bottom, top in pairwise(edges):
                 columns.append(
                     (
-                        np.array([bottom, 0.0, start, *lows]),
-                        np.array([top, claim.gain, end, *highs]),
+                        np.array([bottom, 0.0, extra[0], *lows]),
+                        np.array([top, claim.gain, extra[1], *highs]),
                     )
                 )
     return Cells(
         np.column_stack([low for low, _ in columns]), np.column_stack([high for _, high in columns])
     )
+
+
+def _delays(region: Region, extra: float) -> Iterator[tuple[Interval, Interval]]:
+    """(extra samples, delay of the device) in pieces of half a sample of either.
+
+    Where the step is known and the delay is not, they are one side: the phase is of their sum.
+    """
+    step, (low, high) = region.sample_time[1], region.delay
+    if region.sample_time[0] < step or low == high or not extra:
+        pieces = max(1, int(np.ceil(2 * extra)))
+        for piece in range(pieces):
+            yield (extra * piece / pieces, extra * (piece + 1) / pieces), region.delay
+        return
+    # One step outwards against rounding of the sum.
+    high = float(np.nextafter(high + extra * step, np.inf))
+    ends = np.linspace(low, high, 1 + int(np.ceil(2 * (high - low) / step)))
+    for start, end in pairwise(ends.tolist()):
+        yield (0.0, 0.0), (start, end)
 
 
 def _branch(cells: Cells, pull: FloatArray, widest: FloatArray) -> tuple[Cells, int | None]:
@@ -160,7 +181,10 @@ def _branch(cells: Cells, pull: FloatArray, widest: FloatArray) -> tuple[Cells, 
 
 def _halved(cells: Cells, side: NDArray[np.intp]) -> Cells:
     index = np.arange(len(cells))
-    middle = (cells.low[side, index] + cells.high[side, index]) / 2
+    low, high = cells.low[side, index], cells.high[side, index]
+    middle = (low + high) / 2
+    wide = (low > 0) & (high > _WIDE * low)
+    middle[wide] = np.sqrt(low[wide] * high[wide])
     below, above = cells.high.copy(), cells.low.copy()
     below[side, index] = middle
     above[side, index] = middle

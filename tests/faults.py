@@ -741,7 +741,7 @@ FAULTS: tuple[Fault, ...] = (
     # Several axes: what drives them one after another, and what is felt across a force.
     *_of(
         "identification/estimators/joint.py",
-        "tests/test_several_axes.py -k 'another or leave_an'",
+        "tests/test_several_axes.py -k 'one_after or leave_an'",
         ("axes that stand are held", "<= _NOISE * table.signals.noise", "< 0"),
         ("axes that never move together", "if all(part.stands[one] or part.", "if any(part."),
     ),
@@ -750,7 +750,7 @@ FAULTS: tuple[Fault, ...] = (
         file="identification/fitting/several_axes.py",
         old="        if seen.all():\n",
         new="        if seen.any():\n",
-        tests="tests/test_several_axes.py -k 'another or leave_an'",
+        tests="tests/test_several_axes.py -k 'one_after or leave_an'",
     ),
     Fault(
         name="an axis freed within a sample",

@@ -12,6 +12,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -261,13 +262,18 @@ def test_poses_are_enveloped() -> None:
     assert box.mass[1] > 6.0
 
 
-def _one_after_another(mass: FloatArray, friction: FloatArray) -> list[ident.Trajectories]:
-    return [motion(mass, DAMPING, friction, seed=3 + axis, only=axis).log() for axis in range(2)]
+@cache
+def one_after_another(heavier: float = 1.0) -> tuple[ident.Trajectories, ...]:
+    """A log of each axis, of which the other is driven by nothing and moves with it."""
+    return tuple(
+        motion(heavier * MASS, DAMPING, FRICTION / 4, seed=3 + axis, only=axis, rows=2500).log()
+        for axis in range(2)
+    )
 
 
 @pytest.mark.parametrize("method", ["auto", "least-squares", "instruments"])
 def test_axes_driven_one_after_another_make_one_pose(method: ident.Method) -> None:
-    logs = _one_after_another(MASS, FRICTION / 4)
+    logs = one_after_another()
     device = identify(logs, hardware=hardware(), method=method).device
     assert device.poses is not None
     (pose,) = device.poses
@@ -278,23 +284,27 @@ def test_axes_driven_one_after_another_make_one_pose(method: ident.Method) -> No
     truth = np.concatenate([MASS[upper], DAMPING[upper]])
     assert np.all(np.abs(found - truth) < 4 * spread)
     assert np.all(np.abs(found / truth - 1) < 0.02)
-    if method == "least-squares":
-        heavier = _one_after_another(1.5 * MASS, FRICTION / 4)
-        both = identify([*logs, *heavier], hardware=hardware(), method=method)
-        poses = both.device.poses
-        assert poses is not None
-        assert poses[0] == pose
-        assert np.array(poses[1].mass) == pytest.approx(1.5 * MASS, rel=0.01)
+
+
+def test_logs_of_axes_one_after_another_are_poses_in_their_order() -> None:
+    logs = (*one_after_another(), *one_after_another(1.5))
+    poses = identify(logs, hardware=hardware(), method="least-squares").device.poses
+    assert poses is not None
+    for pose, heavier in zip(poses, (1.0, 1.5), strict=True):
+        assert np.array(pose.mass) == pytest.approx(heavier * MASS, rel=0.01)
 
 
 def test_logs_that_leave_an_axis_alone_are_refused_with_its_name() -> None:
-    logs = _one_after_another(MASS, FRICTION / 4)
+    logs = one_after_another()
     with pytest.raises(LogRefusedError, match="no force of its own moves y"):
         identify(logs[0], hardware=hardware())
     with pytest.raises(LogRefusedError, match="no force of its own moves x"):
         identify([*logs, logs[1]], hardware=hardware())
     # Friction holds each while the other is driven: nothing tells what couples them.
-    apart = _one_after_another(np.diag([3.0, 2.0]), 4 * FRICTION)
+    apart = [
+        motion(np.diag([3.0, 2.0]), DAMPING, 4 * FRICTION, seed=3, only=axis, rows=1500).log()
+        for axis in range(2)
+    ]
     with pytest.raises(LogRefusedError, match="x and y never move in one log") as refused:
         identify(apart, hardware=hardware())
     assert "Drive all axes at once" in refused.value.findings[0].remedy

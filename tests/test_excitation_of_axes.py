@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import Motions, RigOfAxes
+from datasets_synthetic import Motions, RigOfAxes, bundled_path
 from identification import (
     AxesExcitation,
     ExcitationSpec,
@@ -53,18 +53,21 @@ def planned() -> AxesExcitation:
     return plan_axes(spec())
 
 
-def played(plan: AxesExcitation, mass: FloatArray, damping: FloatArray, friction: float) -> Motions:
+def played(
+    plan: AxesExcitation, mass: FloatArray, damping: FloatArray, friction: FloatArray
+) -> Motions:
+    """On devices of two axes, shape (devices, 2, 2), with one friction of both, (devices,)."""
     rig = RigOfAxes(
-        mass=mass[None],
-        damping=damping[None],
+        mass=mass,
+        damping=damping,
         sample_time=STEP,
         delay=0.0,
-        coulomb_friction=np.full((1, len(mass)), friction),
-        force_offset=np.zeros((1, len(mass))),
+        coulomb_friction=np.stack((friction, friction), axis=1),
+        force_offset=np.zeros((len(mass), 2)),
         encoder_resolution=COUNT,
         position_noise=0.0,
     )
-    return rig.run(plan.force[None], seed=1)
+    return rig.run(np.repeat(plan.force[None], len(mass), axis=0), seed=1)
 
 
 def test_axes_have_lines_of_their_own_and_all_limits_are_kept() -> None:
@@ -75,13 +78,11 @@ def test_axes_have_lines_of_their_own_and_all_limits_are_kept() -> None:
     assert np.max(np.abs(plan.force)) <= 9.0
     assert 0.9 < plan.used.travel <= 1.0
     chance = np.random.default_rng(34)
-    farthest = 0.0
-    for _ in range(12):
-        mass, damping = tangled(chance, 2, 2.25, 2.0), tangled(chance, 2, 1.75, 8.0)
-        seen = played(plan, mass, damping, float(chance.uniform(0.4, 0.6)))
-        farthest = max(farthest, float(np.max(np.abs(seen.truth))))
-        assert np.max(np.abs(seen.speed)) <= 1.0
-    assert 0.02 < farthest <= 0.04
+    mass = np.stack([tangled(chance, 2, 2.25, 2.0) for _ in range(12)])
+    damping = np.stack([tangled(chance, 2, 1.75, 8.0) for _ in range(12)])
+    seen = played(plan, mass, damping, chance.uniform(0.4, 0.6, 12))
+    assert np.max(np.abs(seen.speed)) <= 1.0
+    assert 0.02 < np.max(np.abs(seen.truth)) <= 0.04
 
 
 def test_intervals_are_those_that_identify_states() -> None:
@@ -96,7 +97,8 @@ def test_intervals_are_those_that_identify_states() -> None:
             np.array([[own, across * share], [across * share, own]])
             for own, share in ((3.0, 1.0), (10.0, 2.0))
         )
-        found = identify(played(plan, mass, damping, 0.5).log(), hardware=hardware)
+        seen = played(plan, mass[None], damping[None], np.array([0.5]))
+        found = identify(seen.log(), hardware=hardware)
         assert found.device.poses is not None
         told = found.device.poses[0].covariance
         half = 1.96 * np.sqrt(np.diag(np.array(told.matrix)))
@@ -142,9 +144,10 @@ def test_the_command_writes_a_column_an_axis() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_a_device_of_other_axes_is_refused() -> None:
-    assert haptune("demo", "--planar").code == 0
-    (device,) = Path.cwd().rglob("device.yaml")
-    content = LIMITS | {"axes": ["u", "v"], "device": str(device)}
+    log, hardware = (str(bundled_path(f"planar.{end}")) for end in ("csv", "hardware.yaml"))
+    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
+    assert haptune("identify", log, *columns, "--hardware", hardware).code == 0
+    content = LIMITS | {"axes": ["u", "v"], "device": "device.yaml"}
     text = to_yaml({"schema": "haptune/excitation/1"} | content, "")
     Path("excitation.yaml").write_text(text, encoding="utf-8")
     run = haptune("excite", "excitation.yaml", "-o", "force.csv")

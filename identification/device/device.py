@@ -40,6 +40,7 @@ from identification.device.quantities import (
     Pose,
     PositiveQuantity,
     Quantity,
+    direction_in_words,
     quantity,
     widen_interval,
     widening,
@@ -445,13 +446,16 @@ class Device(Document):
         ends = [pose.along(direction) for pose in self.poses]
         changes: dict[str, object] = {"axis": ",".join(self.axes), "axes": None, "poses": None}
         for name, ranges in zip(("mass", "damping"), zip(*ends, strict=True), strict=True):
-            value = ranges[0].value
             low, high = min(each.low for each in ranges), max(each.high for each in ranges)
-            changes[name] = quantity(value, min(low, value), max(high, value))
+            changes[name] = quantity(ranges[0].value, low, high)
         pose, unit = self.poses[0], np.array(direction)
         changes["coulomb_friction"] = quantity(float(np.abs(unit) @ pose.coulomb_friction))
         changes["force_offset"] = quantity(float(unit @ pose.force_offset))
         return self.model_copy(update=changes)
+
+    def in_words(self, direction: Sequence[float]) -> str:
+        """A direction of a device of several axes in a sentence."""
+        return direction_in_words(direction, self.axis.split(","))
 
     @property
     def slope_at_zero(self) -> float:

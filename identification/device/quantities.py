@@ -259,8 +259,13 @@ class Extreme:
 
     def along(self, axes: Sequence[str]) -> str:
         """The direction in a sentence, its parts by the names of the axes."""
-        parts = zip(self.direction, axes, strict=True)
-        return f"along ({', '.join(f'{part:.2f} {axis}' for part, axis in parts)})"
+        return direction_in_words(self.direction, axes)
+
+
+def direction_in_words(direction: Sequence[float], axes: Sequence[str]) -> str:
+    """A direction in a sentence, its parts by the names of the axes."""
+    parts = zip(direction, axes, strict=True)
+    return f"along ({', '.join(f'{part:.2f} {axis}' for part, axis in parts)})"
 
 
 class Pose(Document):

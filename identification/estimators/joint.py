@@ -213,6 +213,11 @@ class JointLog:
         return None
 
     @property
+    def logs(self) -> tuple[Trajectories, ...]:
+        """The logs of the pose."""
+        return tuple(part.log for part in self.parts)
+
+    @property
     def count(self) -> int:
         """Number of axes."""
         return len(self.model.axes)

@@ -189,7 +189,7 @@ class _Playing:
     @classmethod
     def of(cls, prepared: JointLog, *, fits_delay: bool) -> _Playing:
         """From what a prepared log holds; its steps are even."""
-        logs = [part.log.axes for part in prepared.parts]
+        logs = [log.axes for log in prepared.logs]
         return cls(
             prepared=prepared,
             fits_delay=fits_delay,
@@ -326,7 +326,7 @@ class _Playing:
         """
         count = self.prepared.count
         speeds, deviations = (each.ravel() for each in self.starts)
-        tails = [self.count + 2 * count * part for part in range(len(self.forces))]
+        tails = [self._tail(part).start for part in range(len(self.forces))]
         places = np.array([tail + axis for tail in tails for axis in range(count)])
         left = (self.left(positions) / scale).ravel()
         columns = np.zeros((len(theta), left.size + places.size))

@@ -275,7 +275,7 @@ def _fitted_alone(
 ) -> tuple[LogFit, ...]:
     """What each axis shows alone, its force less what moves the others."""
     found: list[LogFit] = []
-    for axis, place in enumerate(driving_logs([part.log for part in prepared.parts])):
+    for axis, place in enumerate(driving_logs(prepared.logs)):
         simulated = None if estimate.positions is None else estimate.positions[place]
         own = prepared.parts[place].alone(axis, estimate.matrices, estimate.delay, simulated)
         found.append(
@@ -317,7 +317,7 @@ def _chosen(prepared: JointLog, method: Method, *, fits_delay: bool) -> tuple[Jo
         ), f"{method.replace('-', ' ')} as asked"
     if isinstance(prepared.steps, float):
         simulated = fit_jointly(prepared, "output-error", fits_delay=fits_delay)
-        if _explained(simulated, [part.log for part in prepared.parts]):
+        if _explained(simulated, prepared.logs):
             return simulated, "output error, because noise of the encoders explains its residuals"
     tables = [table for part in prepared.parts for table in part.tables]
     referenced = all(table.signals.reference is not None for table in tables)

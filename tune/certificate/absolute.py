@@ -212,14 +212,14 @@ def _determinant(
     clamps = len(apart)
     # θ² that was taken out of every clamp.
     out = square if clamps else one
-    beside, less = one * 0.0, one * 0.0
+    beside, less, squared = one * 0.0, one * 0.0, squared_modulus(seen)
     for i, product in enumerate(products):
         others = product_of(sizes, without=(i,))
         beside = beside + seen * product * (others if i < clamps else out * others)
     for i, j in itertools.combinations(range(len(products)), 2):
         between = apart[i] - apart[j] if j < clamps else products[i] - products[j]
         others = product_of(sizes, without=(i, j)) * 0.25
-        less = less + squared_modulus(seen) * squared_modulus(between) * others
+        less = less + squared * squared_modulus(between) * others
     found = _Determinant(bottom, out * product_of(sizes), beside, less)
     return found, [bottom, seen, *sizes, *products]
 

@@ -10,7 +10,7 @@ point known to be stable, a region without crossings is stable throughout.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,8 +37,6 @@ _RATIO = 1.5
 _STARVED = 16.0
 #: Ends that are so many times apart are split at their geometric mean.
 _WIDE = 2.0
-#: The delay of the device among the sides of a region.
-_DELAY = 3
 #: A second side is split at once if it moves the loop by more than this part of the first.
 _ALSO = 0.5
 
@@ -117,11 +115,10 @@ def initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
     edges = np.concatenate([[0.0], np.pi * _RATIO ** -np.arange(count, -1.0, -1.0)])
     # Beyond π by a rounding: the response is symmetric there.
     edges[-1] = np.nextafter(np.pi, 4)
-    lows, highs = np.array(region.sides()).T
     columns: list[tuple[FloatArray, FloatArray]] = []
     for claim in claims:
         for extra, delay in _delays(region, claim.extra):
-            lows[_DELAY], highs[_DELAY] = delay
+            lows, highs = np.array(replace(region, delay=delay).sides()).T
             for bottom, top in pairwise(edges):
                 columns.append(
                     (

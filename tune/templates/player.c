@@ -159,6 +159,7 @@ static player_end player_play(const player_device *device, const player_rows *pl
         const double due = began + (double)k * T;
         const double now = device->wait_until(device->context, due);
         double *positions = log->position + k * axes, *forces = log->force + k * axes;
+        double part;
         int failed;
         for (axis = 0; axis < axes; axis++) {
             positions[axis] = NAN;
@@ -183,9 +184,9 @@ static player_end player_play(const player_device *device, const player_rows *pl
         }
         /* The row after the last ends it: from then on the force is zero. */
         over = end != PLAYER_DONE || k == plan->count;
+        part = over ? 0.0 : player_faded(plan, limits, k);
         for (axis = 0; axis < axes; axis++) {
-            forces[axis] =
-                over ? 0.0 : plan->force[k * axes + axis] * player_faded(plan, limits, k);
+            forces[axis] = over ? 0.0 : part * plan->force[k * axes + axis];
         }
         if (!over && device->write_forces(device->context, axes, forces) != 0) {
             end = PLAYER_NOT_WRITTEN;

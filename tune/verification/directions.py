@@ -35,9 +35,7 @@ FloatArray = NDArray[np.float64]
 def leading_direction(forces: Sequence[FloatArray]) -> tuple[float, ...]:
     """Unit vector of the direction in which forces of axes, N, (n,) each, vary most."""
     varying = np.stack([each - np.mean(each) for each in forces])
-    unit = np.linalg.svd(varying, full_matrices=False)[0][:, 0]
-    # Where the others have no force, it is that axis.
-    return tuple((unit * np.sign(unit[np.argmax(np.abs(unit))])).tolist())
+    return _signed(np.linalg.svd(varying, full_matrices=False)[0][:, 0])
 
 
 def principal_directions(profile: Design) -> list[tuple[tuple[float, ...] | None, Design]]:
@@ -50,10 +48,15 @@ def principal_directions(profile: Design) -> list[tuple[tuple[float, ...] | None
         return [(None, profile)]
     found: list[tuple[tuple[float, ...] | None, Design]] = []
     for unit in np.linalg.eigh(np.array(device.poses[0].mass))[1].T:
-        signed = unit * np.sign(unit[np.argmax(np.abs(unit))])
-        changed = {"device": device.along(signed.tolist())}
-        found.append((tuple(signed.tolist()), profile.model_copy(update=changed)))
+        direction = _signed(unit)
+        changed = {"device": device.along(direction)}
+        found.append((direction, profile.model_copy(update=changed)))
     return found
+
+
+def _signed(unit: FloatArray) -> tuple[float, ...]:
+    """A direction, its largest part positive."""
+    return tuple((unit * np.sign(unit[np.argmax(np.abs(unit))])).tolist())
 
 
 def comparable(
@@ -76,10 +79,7 @@ def comparable(
 
 def along(profile: Design, direction: Sequence[float] | None) -> str:
     """A direction of a profile in words that end a sentence; "" of one axis."""
-    if direction is None:
-        return ""
-    parts = zip(direction, profile.device.axis.split(","), strict=True)
-    return f" along ({', '.join(f'{part:.2f} {axis}' for part, axis in parts)})"
+    return "" if direction is None else f" {profile.device.in_words(direction)}"
 
 
 def turned_to(log: Trajectories, direction: Sequence[float]) -> Trajectory:

@@ -473,9 +473,10 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
     else:
         usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
         deep = max(motion.penetration or usual for motion in motions)
-        sprung = [profile.elements[name] for name in combination]
+        played = [profile.elements[name] for name in combination]
         # Each is cut at its level times the gain, wherever the gain puts the whole.
-        levels = [each.force_level / each.stiffness for each in sprung if each.force_level > 0]
+        cut = [each for each in played if each.force_level > 0 and each.stiffness > 0]
+        levels = [each.force_level / each.stiffness for each in cut]
         most = min(levels, default=np.inf)
         displacement = _displacement(profile.device, effects, prediction, deep, most)
         if displacement is None:

@@ -53,10 +53,10 @@ from tune.documents.scene import (
 )
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
-from tune.optimisation import SLACK, design_of, witnesses_of
+from tune.optimisation import design_of, witnesses_of
 from tune.optimisation.feasibility import forces, ripple, worst_gain
 from tune.optimisation.nash import Solution, largest_product
-from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of
+from tune.optimisation.problem import SLACK, DesignTask, Problem, may_saturate, problem_of
 from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
 from tune.rendering import contact, count_jump
 from tune.stability.criterion import Passivity, passivity

@@ -29,6 +29,8 @@ from tune.certificate.affine import (
     conjugate,
     real_lower_bound,
     real_part,
+    sinc,
+    sinc_beyond,
     squared_modulus,
 )
 from tune.certificate.region import Region, Setting, setting_of
@@ -37,8 +39,6 @@ from tune.certificate.value_set import (
     product_of,
     rate_of,
     sampled_plant,
-    sinc,
-    sinc_beyond,
 )
 from tune.certificate.zero_exclusion import (
     Cells,
@@ -54,6 +54,10 @@ from tune.documents import CheckFailedError
 from tune.documents.profile import AbsoluteStability, Channel, Design, Multiplier
 
 _TINY = float(np.finfo(float).tiny)
+
+
+class _SpentError(ValueError):
+    """A proof had no more cells to look at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +114,8 @@ def _prove_absolute(
     proof = decide(begun, examine, most_cells)
     if proof.doubt is not None:
         place = merged.point(proof.doubt[:-1, 0], float(proof.doubt[-1, 0])).words()
-        raise ValueError(f"the condition could not be shown at {place}, {proof.cells} cells")
+        words = f"the condition could not be shown at {place}, {proof.cells} cells"
+        raise _SpentError(words) if proof.spent else ValueError(words)
     return proof.cells
 
 
@@ -381,7 +386,7 @@ def judge_switched(
                     f"{region.words(combination)}: not proved stable with its clamps up to a gain "
                     f"of {gain:.6g} with {extra:.6g} extra samples of delay: {error}. {_REMEDY}"
                 )
-                raise CheckFailedError((words,)) from None
+                raise CheckFailedError((words,), spent=isinstance(error, _SpentError)) from None
     gated, steady = (_GATED,) if sum_.damping else (), (_STEADY,) if sum_.steady else ()
     return witness.model_copy(update={"covers": (_CLAMPED, *gated, *steady)}), cells
 

@@ -27,6 +27,9 @@ Factor = complex | FloatArray | ComplexArray
 #: Phases that vary by more within a cell are not followed: anywhere on the circle.
 _WIDEST_PHASE = 1.2
 
+#: (sin(x)/x - 1)/x by powers of x², next term 1e-15 at 0.1; beyond it the quotient keeps digits.
+_SERIES, _SHORT = np.array([1 / 362_880, -1 / 5040, 1 / 120, -1 / 6]), 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class AffineForm:
@@ -178,6 +181,64 @@ def inverse(term: Term) -> Term:
     return term.inverse() if isinstance(term, AffineForm) else 1 / term
 
 
+def reciprocal(term: Term) -> Term:
+    """1/x of a real term above zero: the straight line nearest to it between the ends."""
+    if not isinstance(term, AffineForm):
+        return 1 / term
+    low, high = ends_of(term)
+    # At both ends the line is as far below 1/x as it is above it at the root.
+    at_ends, at_root = (1 / low + 1 / high) / 2, 1 / np.sqrt(low * high)
+    slope = -1 / (low * high)
+    centre = at_ends + at_root + slope * term.centre.real
+    error = at_ends - at_root - slope * term.real + 8 * ROUNDING / low
+    error = np.where(low > 0, error, np.inf)
+    return AffineForm(centre.astype(np.complex128), slope * term.slopes, error, term.imag)
+
+
+def ends_of(form: Term) -> tuple[FloatArray, FloatArray]:
+    """Least and largest value of a real term in each cell."""
+    if not isinstance(form, AffineForm):
+        return np.asarray(form), np.asarray(form)
+    wide = (np.sum(np.abs(form.slopes.real), axis=0) + form.real) * (1 + ROUNDING)
+    return form.centre.real - wide, form.centre.real + wide
+
+
+def anywhere_between(low: FloatArray, high: FloatArray, like: AffineForm) -> AffineForm:
+    """A real number of which only the ends are known, with the symbols of another form."""
+    error = (high - low) / 2 + ROUNDING * np.maximum(np.abs(low), np.abs(high))
+    centre = ((low + high) / 2).astype(np.complex128)
+    return AffineForm(centre, 0 * like.slopes, error, np.zeros_like(error))
+
+
+def sinc(angle: AffineForm) -> AffineForm:
+    """sin(x)/x of a real form."""
+    x = angle.centre.real
+    small = np.abs(x) < 1e-4
+    safe = np.where(small, 1.0, x)
+    value = np.where(small, 1 - x * x / 6, np.sin(safe) / safe)
+    # The slope by its series below 0.1, where the quotient loses digits: next term 1e-15.
+    short = np.abs(x) < 0.1
+    other = np.where(short, 1.0, x)
+    slope = np.where(
+        short,
+        -x / 3 * (1 - x * x / 10 * (1 - x * x / 28 * (1 - x * x / 54))),
+        (np.cos(other) - np.sin(other) / other) / other,
+    )
+    return angle.of_real(value, slope, 1 / 3)
+
+
+def sinc_beyond(angle: AffineForm) -> AffineForm:
+    """(sin(x)/x - 1)/x of a real form; its second derivative is ∫∫ s²·sin(sx), at most 1/12."""
+    x = angle.centre.real
+    short = np.abs(x) < _SHORT
+    safe = np.where(short, 1.0, x)
+    ratio = np.sin(safe) / safe
+    value = np.where(short, x * np.polyval(_SERIES, x * x), (ratio - 1) / safe)
+    slopes = np.polyval(_SERIES * [7, 5, 3, 1], x * x)
+    slope = np.where(short, slopes, (np.cos(safe) - 2 * ratio + 1) / safe**2)
+    return angle.of_real(value, slope, 1 / 12)
+
+
 def real_part(form: AffineForm) -> AffineForm:
     """Re x."""
     centre, slopes = (part.real.astype(np.complex128) for part in (form.centre, form.slopes))
@@ -215,10 +276,8 @@ def modulus_bound(form: AffineForm) -> FloatArray:
 
 def range_of(term: Term) -> tuple[float, float]:
     """Least and largest value of a real term over all cells."""
-    if not isinstance(term, AffineForm):
-        return term, term
-    wide = term.spread()
-    return float(np.min(term.centre.real - wide)), float(np.max(term.centre.real + wide))
+    low, high = ends_of(term)
+    return float(np.min(low)), float(np.max(high))
 
 
 def _reach(slopes: ComplexArray) -> FloatArray:

@@ -6,7 +6,7 @@ The box holds every device, hand, delay, gain and combination.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
@@ -29,7 +29,7 @@ from tune.certificate.claims import (
 )
 from tune.certificate.region import Point, Region, Setting, regions_of, setting_of
 from tune.certificate.worst_point import WorstCase, worst_points, worst_points_of_all
-from tune.certificate.zero_exclusion import Claim, prove_all
+from tune.certificate.zero_exclusion import Claim, Proof, prove_all
 from tune.documents import CheckFailedError
 from tune.documents.profile import (
     AbsoluteStability,
@@ -45,8 +45,8 @@ from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 _THOROUGH = 8
 #: Cells looked at for one combination before it counts as not proved. With a fifth of margin to
 #: spare a plain device takes a hundred, on the edge some thousands; a hand and modes take ten times
-#: more.
-MOST_CELLS = 200_000
+#: more. A mode adds so many times as much, and no proof is cut short: more margin would not help.
+MOST_CELLS, _OF_A_MODE = 200_000, 4
 #: Samples of delay, margins included, that are looked at.
 _LONGEST_DELAY = 64
 
@@ -337,6 +337,7 @@ class _CombinationInRegion:
     worst: tuple[float, WorstCase] | None = None  # gain, and of the margin, where that is stable
     points: int = 0  # judged
     cells: int = 0  # looked at by the proof
+    spent: bool = False  # that were all it had
 
     def refuse(self, gain: float, words: str, worst: WorstCase) -> None:
         """Keep a point that is not stable, and the sentence about it."""
@@ -355,17 +356,19 @@ def _judge_combinations(
     played: Sequence[tuple[_Combination, Setting]],
     region: Region,
     most_cells: int,
-    covered: Mapping[_Combination, AbsoluteStability],
+    clamped: Mapping[_Combination, AbsoluteStability],
+    covered: Collection[_Combination],
 ) -> list[_CombinationInRegion]:
     """Search combinations for an unstable point; where none is found, prove that there is none.
 
-    What the clamps of a combination are proved for says it of the linear loop too, so that is not
-    looked at where the proof is of another combination that covers it.
+    What the clamps of a combination are to be proved for says it of the linear loop too, so that
+    is not proved here, nor looked at where the proof is of another combination that covers it.
     """
-    named: list[_NamedClaims] = []
+    beyond, named = list[_NamedClaims](), list[_NamedClaims]()
     for names, _ in played:
-        known, claims = covered.get(names), _claims(design, names)
-        named.append([each for each in claims if known is None or _exceeds(each[0], known)])
+        known, claims = clamped.get(names), list(_claims(design, names))
+        beyond.append([each for each in claims if known is None or _exceeds(each[0], known)])
+        named.append(beyond[-1] if names in covered else claims)
     rays = [_ray_of(setting) for _, setting in played]
     named = _outermost(named, rays)
     asked = [
@@ -384,10 +387,14 @@ def _judge_combinations(
             elif words == "margin":
                 outcome.worst = claim.gain, worst
     left = [n for n, outcome in enumerate(judged) if named[n] and not outcome.failures]
-    proofs = prove_all(region, [asked[number] for number in left], most_cells)
-    for number, proof in zip(left, proofs, strict=True):
+    open_ = {n: [claim for claim, words in named[n] if (claim, words) in beyond[n]] for n in left}
+    unproved = [n for n in left if open_[n]]
+    proofs = prove_all(region, [(asked[n][0], open_[n]) for n in unproved], most_cells)
+    found = dict(zip(unproved, proofs, strict=True))
+    for number in left:
         outcome, (setting, claims) = judged[number], asked[number]
-        outcome.cells, outcome.proved = proof.cells, proof.proved
+        proof = found.get(number, Proof(proved=True, cells=0))
+        outcome.cells, outcome.proved, outcome.spent = proof.cells, proof.proved, proof.spent
         if proof.proved:
             continue
         doubted = worst_points(region, setting, claims, proof.doubt, thorough=_THOROUGH)
@@ -514,12 +521,14 @@ def certify(
         for combination in design.combinations()
         if (setting := setting_of(design, combination)) is not None
     ]
-    most = most_cells or MOST_CELLS
-    covered = {
-        names: stated[" + ".join(names)] for names, other in outermost.items() if other != names
-    }
-    judged = [_judge_combinations(design, played, region, most, covered) for region in regions]
-    outcomes, cells = list(zip(*judged, strict=True)), 0
+    modes = len(design.device.modes)
+    most = MOST_CELLS * (1 + _OF_A_MODE * modes) if modes else most_cells or MOST_CELLS
+    covered = {names for names, other in outermost.items() if other != names}
+    clamped = {names: stated[key] for names in outermost if (key := " + ".join(names)) in stated}
+    judged = [
+        _judge_combinations(design, played, region, most, clamped, covered) for region in regions
+    ]
+    outcomes, cells, spent = list(zip(*judged, strict=True)), 0, False
     for (combination, setting), found in zip(played, outcomes, strict=True):
         failures += force_failures(design, combination)
         failures += [words for each in found for words in each.failures]
@@ -536,6 +545,7 @@ def certify(
                 cells += seen
         except CheckFailedError as error:
             failures += error.failures
+            spent |= error.spent
             continue
         interior[" + ".join(combination)] = "proved"
         if not meets_wall(design, combination):
@@ -547,7 +557,8 @@ def certify(
     if failures:
         points = tuple(point for each in every for point in each.unstable)
         unproved = tuple(names for names, _ in played if " + ".join(names) not in interior)
-        raise CheckFailedError(tuple(failures), points, unproved)
+        spent |= any(each.spent for each in every)
+        raise CheckFailedError(tuple(failures), points, unproved, spent=spent and modes > 0)
     if not every:
         raise CheckFailedError(("the profile plays no effect at all",))
     return _certificate(design, every, cells, absolute, interior)

@@ -15,7 +15,7 @@ in it as n allows, and a bounded rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cache, reduce
@@ -32,10 +32,14 @@ from tune.certificate.affine import (
     FloatArray,
     Term,
     add_axis,
+    anywhere_between,
+    ends_of,
     inverse,
     modulus_bound,
     range_of,
     real_lower_bound,
+    reciprocal,
+    sinc,
 )
 from tune.certificate.region import Setting, Sizes
 
@@ -45,10 +49,8 @@ _TERMS = 28
 #: rest of the series, 4^-28, both times less than 2^6.
 _ERROR = 1e-13
 #: Aliases are looked at one by one until the rest is below this part of 1/mass, or the most.
-_NEGLIGIBLE = 1e-6
+_NEGLIGIBLE = 1e-5
 _MOST_ALIASES = 12
-#: (sin(x)/x - 1)/x by powers of x², next term 1e-15 at 0.1; beyond it the quotient keeps digits.
-_SERIES, _SHORT = np.array([1 / 362_880, -1 / 5040, 1 / 120, -1 / 6]), 0.1
 
 
 def _most(n: int) -> float:
@@ -169,6 +171,7 @@ class _Scaled:
     spring_ratio: Term | None  # kT²/m, likewise
     lag: Term | None  # in samples, None for none
     hand: tuple[Term, Term, Term] | None  # (m_h/T², b_h/T, k_h) or None
+    share: Term  # ρ = m_h/(m + c·m_h), c = 1 + Σ h²
     modes: tuple[tuple[Term, Term], ...]  # (2ζω, ω²) in samples of each
     participations: tuple[tuple[float, float], ...]  # (e, h) of each
     grounded: bool  # as in the mechanism
@@ -179,7 +182,7 @@ class _Scaled:
         step = given.sample_time
         per_step = inverse(step)
         per_square = per_step * per_step
-        per_mass = inverse(given.mass)
+        per_mass = reciprocal(given.mass)
         omegas = [f * step * (2 * np.pi) for f, _ in given.modes]
         hand = given.hand
         free = given.position_stiffness == 0.0
@@ -192,6 +195,9 @@ class _Scaled:
             spring_ratio=None if free else given.position_stiffness * (step * step) * per_mass,
             lag=None if given.lag == 0.0 else given.lag * per_step,
             hand=hand and (hand[0] * per_square, hand[1] * per_step, hand[2]),
+            share=0.0
+            if hand is None
+            else _share(hand[0], given.mass, _squares(h for _, h in given.participations)),
             modes=tuple(
                 (w * zeta * 2.0, w * w) for w, (_, zeta) in zip(omegas, given.modes, strict=True)
             ),
@@ -208,13 +214,8 @@ class _Scaled:
     def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:
         """(numerator, denominator) of P at S; a denominator that vanishes at 0 is divided by S."""
         damped = s * self.mass + self.damping  # Y/S
-        resonances = [s * (s + a) + c for a, c in self.modes]
-        every = product_of(resonances)
-        others = [product_of(resonances, without=(i,)) for i in range(len(resonances))]
-        inertial: Term = 0.0
-        if self.modes:
-            inertial = s * (s + self.ratio)
-            inertial = inertial if self.spring_ratio is None else inertial + self.spring_ratio
+        resonances, every, others = self._resonances(s)
+        inertial = self._inertial(s) if self.modes else 0.0
         numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
         rigid = damped * s if self.grounded else damped
         denominator = (rigid if self.spring is None else rigid + self.spring) * every
@@ -226,10 +227,58 @@ class _Scaled:
             grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
             denominator = denominator + spring * grasped
             if self.modes:
-                numerator = numerator + grip * self._apart(resonances, others, inertial)
+                moves = self._apart(resonances, others, inertial)
+                numerator = numerator + grip * moves * self.per_mass
         if self.lag is not None:
             denominator = denominator * (s * self.lag + 1.0)
         return numerator, denominator
+
+    def reduced(self, s: AffineForm) -> tuple[Term, AffineForm]:
+        """Both of `plant` over m + c·m_h, all the mass that a fast force moves.
+
+        At high frequencies the denominator is all but the same for every hand, however wide their
+        range is.
+        """
+        resonances, every, others = self._resonances(s)
+        inertial = self._inertial(s)
+        numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
+        denominator = (inertial if self.grounded else s + self.ratio) * every
+        if self.hand is not None:
+            grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
+            moves = self._apart(resonances, others, inertial)
+            lighter = (1.0 - self.share * self.handle) * self.per_mass
+            damping, stiffness = self.hand[1] * lighter, self.hand[2] * lighter
+            yields = s * damping + stiffness if self.grounded else damping
+            inert = s * s if self.grounded else s
+            # What the share is multiplied by all but vanishes: the inertia of both is one.
+            numerator = (
+                numerator
+                + (s * s * moves - numerator * self.handle) * self.share
+                + moves * (yields if self.grounded else s * yields)
+            )
+            denominator = (
+                denominator
+                + (inert * grasped - denominator * self.handle) * self.share
+                + grasped * yields
+            )
+        if self.lag is not None:
+            denominator = denominator * (s * self.lag + 1.0)
+        return numerator * self.per_mass, denominator
+
+    def _resonances(self, s: AffineForm) -> tuple[list[AffineForm], Term, list[Term]]:
+        """S² + 2ζω·S + ω² of each mode, their product, and that of all but each."""
+        each = [s * (s + a) + c for a, c in self.modes]
+        return each, product_of(each), [product_of(each, without=(i,)) for i in range(len(each))]
+
+    def _inertial(self, s: AffineForm) -> AffineForm:
+        """S² + bS/m + k/m."""
+        free = s * (s + self.ratio)
+        return free if self.spring_ratio is None else free + self.spring_ratio
+
+    @property
+    def handle(self) -> float:
+        """c = 1 + Σ h²."""
+        return _squares(h for _, h in self.participations)
 
     def _apart(
         self, resonances: Sequence[AffineForm], others: Sequence[Term], inertial: Term
@@ -240,7 +289,7 @@ class _Scaled:
             (ei, hi), (ej, hj) = self.participations[i], self.participations[j]
             both = product_of(resonances, without=(i, j))
             moves = moves + inertial * both * (ei * hj - ej * hi) ** 2
-        return moves * self.per_mass
+        return moves
 
     def folded(self, theta: AffineForm, delay: AffineForm) -> AffineForm:
         """Σ P(S)·e^(-2πjkx)/S over all k but 0."""
@@ -254,7 +303,9 @@ class _Scaled:
             k: FloatArray = np.concatenate([np.arange(1.0, count + 1), -np.arange(1.0, count + 1)])
             k = 2 * np.pi * k[:, None]
             s = (theta.stacked() + k) * 1j
-            numerator, denominator = self.stacked().plant(s)
+            stacked = self.stacked()
+            fast = stacked.plant if self.hand is None else stacked.reduced
+            numerator, denominator = fast(s)
             per_s = s.inverse()
             value = denominator.inverse() * numerator
             if not self.grounded:
@@ -273,10 +324,8 @@ class _Scaled:
         handle = [1.0, *(h for _, h in self.participations)]
         dampings: list[Term] = [self.damping, *(a * self.mass for a, _ in self.modes)]
         shared: Term = 0.0
-        if self.hand is not None and self.hand[0] != 0.0:
-            part = self.hand[0] * self.per_mass
-            both = _scalar(encoder, handle)
-            shared = part * both * inverse(part * _scalar(handle, handle) + 1.0)
+        if self.hand is not None:
+            shared = self.share * _scalar(encoder, handle)
         moved = [(g - shared * p) * self.per_mass for g, p in zip(encoder, handle, strict=True)]
         first: Term = 0.0
         second: Term = 0.0
@@ -304,8 +353,7 @@ class _Scaled:
         follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
         """
         least = range_of(self.mass)[0]
-        handle = 1 + sum(h * h for _, h in self.participations)
-        encoder = 1 + sum(e * e for e, _ in self.participations)
+        handle, encoder = self.handle, _squares(e for e, _ in self.participations)
         damping = max(
             np.abs(range_of(self.ratio)).max(), *(range_of(a)[1] for a, _ in self.modes), 0.0
         )
@@ -324,6 +372,20 @@ class _Scaled:
         slow = range_of(self.lag)[0]
         size = min(_tail(3, count), _tail(4, count) / slow if slow > 0 else np.inf)
         return float(encoder / (1 - share) * size / least)
+
+
+def _share(part: Term, whole: Term, weight: float) -> Term:
+    """x/(y + weight·x) of two numbers from zero on, by its ends."""
+    if not isinstance(part, AffineForm):
+        return inverse(whole * (1 / part) + weight) if part else 0.0
+    (low, high), (light, heavy) = ends_of(part), ends_of(whole)
+    low = np.maximum(low, 0.0)
+    return anywhere_between(low / (heavy + weight * low), high / (light + weight * high), part)
+
+
+def _squares(parts: Iterable[float]) -> float:
+    """1 + Σ x²."""
+    return float(1 + sum(x * x for x in parts))
 
 
 def _scalar(a: Sequence[float], b: Sequence[float]) -> float:
@@ -481,35 +543,6 @@ def _clearance(form: AffineForm, unit: NDArray[np.complex128]) -> FloatArray:
     rest = np.abs(across) * form.real + np.abs(along) * form.imag
     size = np.abs(form.centre) + np.sum(np.abs(form.slopes), axis=0)
     return centre - slopes - rest - ROUNDING * size
-
-
-def sinc(angle: AffineForm) -> AffineForm:
-    """sin(x)/x of a real form."""
-    x = angle.centre.real
-    small = np.abs(x) < 1e-4
-    safe = np.where(small, 1.0, x)
-    value = np.where(small, 1 - x * x / 6, np.sin(safe) / safe)
-    # The slope by its series below 0.1, where the quotient loses digits: next term 1e-15.
-    short = np.abs(x) < 0.1
-    other = np.where(short, 1.0, x)
-    slope = np.where(
-        short,
-        -x / 3 * (1 - x * x / 10 * (1 - x * x / 28 * (1 - x * x / 54))),
-        (np.cos(other) - np.sin(other) / other) / other,
-    )
-    return angle.of_real(value, slope, 1 / 3)
-
-
-def sinc_beyond(angle: AffineForm) -> AffineForm:
-    """(sin(x)/x - 1)/x of a real form; its second derivative is ∫∫ s²·sin(sx), at most 1/12."""
-    x = angle.centre.real
-    short = np.abs(x) < _SHORT
-    safe = np.where(short, 1.0, x)
-    ratio = np.sin(safe) / safe
-    value = np.where(short, x * np.polyval(_SERIES, x * x), (ratio - 1) / safe)
-    slopes = np.polyval(_SERIES * [7, 5, 3, 1], x * x)
-    slope = np.where(short, slopes, (np.cos(safe) - 2 * ratio + 1) / safe**2)
-    return angle.of_real(value, slope, 1 / 12)
 
 
 def rate_of(

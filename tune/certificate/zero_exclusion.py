@@ -58,6 +58,7 @@ class Proof:
     # a place that could not be excluded: values of the merged region's sides, then the extra
     # samples of delay, shape (sides + 1, 1); None if proved
     doubt: FloatArray | None = None
+    spent: bool = False  # the budget ended it, no cell too narrow to be split
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,8 @@ def decide(
         if narrow is not None or seen + len(waiting) + len(parts) > most_cells:
             index = 0 if narrow is None else narrow
             middle = (open_.low[:, index] + open_.high[:, index]) / 2
-            return Proof(proved=False, cells=seen, doubt=np.append(middle[3:], middle[2])[:, None])
+            doubt = np.append(middle[3:], middle[2])[:, None]
+            return Proof(proved=False, cells=seen, doubt=doubt, spent=narrow is None)
         waiting = waiting.with_(parts)
     return Proof(proved=True, cells=seen)
 
@@ -292,7 +294,7 @@ def _exclusion_test(
         bent = np.nan_to_num(bent, posinf=1e6) + np.finfo(float).tiny
         rest = np.max([np.hypot(form.real, form.imag) for form in forms], axis=0)
         pull[symbols] += rest * bent / bent.sum(axis=0)
-        pull[1] = np.max([np.abs(each.varied.centre) for each in found], axis=0) * (high - low) / 2
+        pull[1] = np.max([np.abs(each.varied.centre) for each in found], axis=0) * (high - low) / 4
         return excluded, pull
 
 

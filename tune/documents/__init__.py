@@ -63,6 +63,7 @@ class CheckFailedError(TuneError):
         failures: sentences, one for each.
         points: of type `WorstPoint`, where it is unstable; empty where no point was found.
         unproved: combinations of elements that are not proved stable in the whole box.
+        spent: all that may be looked at for a proof was, so that more margin would hardly help.
     """
 
     def __init__(
@@ -70,8 +71,11 @@ class CheckFailedError(TuneError):
         failures: tuple[str, ...],
         points: tuple[Document, ...] = (),
         unproved: tuple[tuple[str, ...], ...] = (),
+        *,
+        spent: bool = False,
     ) -> None:
         self.failures = failures
         self.points = points
         self.unproved = unproved
+        self.spent = spent
         super().__init__("check failed: " + "; ".join(failures))

@@ -61,7 +61,7 @@ from tune.optimisation.describe import (
     with_what_is_felt,
 )
 from tune.optimisation.nash import SAME, Solution
-from tune.optimisation.problem import DesignTask
+from tune.optimisation.problem import SLACK, DesignTask
 from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import CutoffObjective, groups, keep_promises, solve, worth_of
 
@@ -77,9 +77,6 @@ _Solved = tuple[DesignTask, list[Solution]]
 _MOST_ATTEMPTS = 4
 #: Choices of filters whose clamps are proved in turn.
 _MOST_PROVED = 4
-#: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
-#: came too close to the edge.
-SLACK = (1e-3, 1e-2, 5e-2)
 #: Cells of the proof of a combination after which more margin is tried; the last try has all.
 _CELLS = 50_000
 #: Stable at twice the gain and one sample late: room for what a model leaves out.
@@ -301,7 +298,7 @@ def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
     )
     spots = tuple(each for each in spots if each not in task.region.found)
     if not spots:
-        slack = next((more for more in SLACK if more > task.slack), None)
+        slack = next((more for more in SLACK[-error.spent :] if more > task.slack), None)
         return None if slack is None else replace(task, slack=slack)
     return replace(task, region=replace(task.region, found=task.region.found + spots))
 

@@ -40,7 +40,7 @@ from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
 from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
-from tune.optimisation.problem import Combination, DesignTask, Problem
+from tune.optimisation.problem import SLACK, Combination, DesignTask, Problem
 from tune.rendering import contact, rendered_mass_and_damping
 from tune.stability.criterion import damping_needed
 from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortest_fade
@@ -243,13 +243,14 @@ def combination_margins(
     """Margins of one combination that bears so many extra samples of delay.
 
     A part of what is beyond the kept margin, the slack, is not claimed, where a proof came too
-    close to the edge.
+    close to the edge, and at the last slack nothing of it.
     """
     gain = min(worst_gain(one.problem, one.combination, one.sizes, late=False), _MARGIN_CAP)
     late = min(float(MOST_EXTRA_DELAY), late)
     if slack:
-        gain = max(gain * (1 - slack), min(gain, kept.gain))
-        less = float(np.floor(late * (1 - slack) * 10) / 10)
+        last = slack == SLACK[-1]
+        less = 0.0 if last else float(np.floor(late * (1 - slack) * 10) / 10)
+        gain = max(0.0 if last else gain * (1 - slack), min(gain, kept.gain))
         late = max(less, min(late, kept.extra_delay_samples))
     felt = one.problem.effects(one.combination, one.sizes)
     K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())

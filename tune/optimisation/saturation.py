@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from identification import round_to_digits
 from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
-from tune.optimisation.problem import ROOM, Combination, Problem
+from tune.optimisation.problem import ROOM, SLACK, Combination, Problem
 from tune.stability.nonlinear import (
     Nonlinearities,
     Responses,
@@ -471,7 +471,10 @@ def _nonlinearities(
 def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> AbsoluteStability:
     """What is claimed of a combination: what was found, with its gain to three decimals downwards.
 
-    It is at least that of the margin; a part of what is beyond it, the slack, is not claimed.
+    It is at least that of the margin; a part of what is beyond it, the slack, is not claimed, and
+    at the last slack nothing of it.
     """
+    if slack == SLACK[-1]:
+        return found.model_copy(update={"gain": margin.gain})
     gain = float(np.floor(found.gain * (1 - max(_SHAVED, slack)) * 1000) / 1000)
     return found.model_copy(update={"gain": max(gain, margin.gain)})

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from tests.thinned import thinned
-from tune.certificate.affine import AffineForm
+from tune.certificate.affine import AffineForm, reciprocal
 from tune.certificate.poles import closed_loop, judge, precision
 from tune.certificate.region import ModeRegion, Region, Setting
 from tune.certificate.value_set import Mechanism, value_set
@@ -256,6 +256,33 @@ def test_a_loop_that_turns_back_within_a_cell_is_split_across_its_frequency() ->
     assert prove(region, setting, [Claim(gain=1.5, extra=EXTRA)], 2000).proved
 
 
+def test_a_hand_of_any_mass_takes_no_more_cells_for_its_aliases() -> None:
+    """A light device that vibrates at 40 Hz, on a spring that nobody, or two arms, hold."""
+    region = Region(
+        mass=(0.038, 0.056),
+        damping=(0.014, 0.05),
+        sample_time=(1e-3, 1e-3),
+        delay=(3e-4, 6.7e-4),
+        modes=(
+            ModeRegion(
+                frequency_hz=(38.0, 42.0),
+                damping_ratio=(0.028, 0.051),
+                at_encoder=0.58,
+                at_handle=-0.26,
+            ),
+        ),
+        hand=HandBox(mass=(0.005, 1.0), damping=(1.0, 30.0), stiffness=(20.0, 2000.0)),
+    )
+    setting = Setting(
+        stiffness=875.0,
+        damping=5.2,
+        mass=0.0,
+        velocity_filter_hz=None,
+        acceleration_filter_hz=None,
+    )
+    assert prove(region, setting, [Claim(gain=1.0, extra=0.0)], 25_000).proved
+
+
 def test_boxes_with_delay_hand_and_mode_are_proved() -> None:
     rows = _study(0.1, range(3, 5), 300, everything=True)
     assert _share(rows) == 1.0
@@ -294,10 +321,14 @@ def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:
         )
         for _ in range(int(rng.integers(0, 3)))
     )
-    hand = None
+    hand, wide = None, 0
     if rng.random() < 0.6:
-        stiffness = around(300.0, spread) if rng.random() < 0.6 else (0.0, 0.0)
-        hand = HandBox(mass=around(0.1, spread), damping=around(3.0, spread), stiffness=stiffness)
+        grounded, wide = rng.random() < 0.6, int(rng.integers(0, 4))
+        sizes = np.array([mass, mass / step, grounded * mass / step**2]) * 10 ** -rng.uniform(0, 2)
+        sides = [around(size, spread) for size in sizes]
+        # One of them is not known at all, the last time with the mass of the device.
+        sides[wide % 3] = (sizes[wide % 3] / 20, sizes[wide % 3] * 20)
+        hand = HandBox(mass=sides[0], damping=sides[1], stiffness=sides[2])
     window = rng.random() < 0.25
     setting = Setting(
         stiffness=float(rng.choice([0, 1]) * 10 ** rng.uniform(-4, -1) * mass / step**2),
@@ -311,7 +342,7 @@ def _region(rng: np.random.Generator, spread: float) -> tuple[Region, Setting]:
         velocity_window_samples=4 if window else None,
     )
     region = Region(
-        mass=around(mass, spread),
+        mass=(mass / 3, mass * 3) if wide == 3 else around(mass, spread),
         damping=around(damping, spread),
         sample_time=around(step, spread / 10),
         delay=around(float(rng.choice([1.0, 1.3, 0.5])) * step, spread),
@@ -401,6 +432,18 @@ def _at(form: AffineForm, u: np.ndarray) -> complex:  # type: ignore[type-arg]
 
 def _rest(form: AffineForm) -> float:
     return float(np.hypot(form.real[0], form.imag[0]))
+
+
+def test_one_over_a_number_is_near_a_line() -> None:
+    """Chebyshev's approximation: as far above 1/x at both ends as it is below it in between."""
+    low, high = 0.25, 4.0
+    (form,) = _forms(np.array([low]), np.array([high]))
+    found = reciprocal(form)
+    assert isinstance(found, AffineForm)
+    u = np.linspace(-1, 1, 101)
+    missed = [_at(found, np.array([each])).real - 1 / (2.125 + 1.875 * each) for each in u]
+    assert np.ptp(missed) == pytest.approx(2 * found.real[0], rel=1e-3)
+    assert np.max(np.abs(missed)) <= found.real[0]
 
 
 def test_an_uncertain_delay_and_the_extra_one_add_up() -> None:

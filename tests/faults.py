@@ -102,6 +102,26 @@ FAULTS: tuple[Fault, ...] = (
         ("the bend of an inverse", "error = at_ends - at_root - slope", "error = -slope"),
     ),
     *_of(
+        "tune/certificate/zero_exclusion.py",
+        "tests/test_zero_exclusion.py -k 'every_pair or any_mass'",
+        ("the stiffest hand", "way * (stiff - soft) + soft\n", "way * 0.0 + soft\n"),
+        (
+            "the lightest hand",
+            "way * -(heavy - light) + heavy",
+            "way * -0.9 * (heavy - light) + heavy",
+        ),
+        (
+            "the way of a hand",
+            "lows[[*slide]], highs[[*slide]] = 0.0, [1.0, 0.0]",
+            "lows[[*slide]], highs[[*slide]] = 0.0, [0.5, 0.0]",
+        ),
+        (
+            "masses at aliases by the way",
+            "least = np.maximum(heavy - end",
+            "least = np.maximum(heavy - 0.5 * end",
+        ),
+    ),
+    *_of(
         "tune/certificate/value_set.py",
         "tests/test_zero_exclusion.py -k any_mass",
         (

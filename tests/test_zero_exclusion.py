@@ -434,6 +434,51 @@ def _rest(form: AffineForm) -> float:
     return float(np.hypot(form.real[0], form.imag[0]))
 
 
+@pytest.mark.parametrize("effect", ["stiffness", "damping"])
+def test_every_pair_of_mass_and_stiffness_of_a_hand_is_looked_at(effect: str) -> None:
+    """The largest spring or damper in a hand, found by poles at all corners of its box."""
+    step, mass, damping = 1e-3, 0.2, 2.0
+    hand = HandBox(mass=(0.05, 1.0), damping=(1.0, 3.0), stiffness=(20.0, 2000.0))
+    stiffness, speed = (100.0, 0.0) if effect == "stiffness" else (0.0, 1.0)
+
+    def radius(gain: float) -> float:
+        """Position read before, its speed; half a sample late."""
+        radii: list[float] = []
+        for m, b, k in product(hand.mass, hand.damping, hand.stiffness):
+            law = np.zeros((3, 3))
+            law[:2] = [[0, 1, 0], np.array([-k, -damping - b, 1.0]) / (mass + m)]
+            half = expm(law * step / 2)
+            ahead, pushed = half[:2, :2], half[:2, 2]
+            force = -gain * np.array([stiffness + speed / step, -speed / step])
+            loop = np.zeros((4, 4))  # place and speed, the place read before, the force that acts
+            loop[:2, :2] = ahead @ ahead
+            loop[:2, 0] += pushed * force[0]
+            loop[:2, 2] = pushed * force[1]
+            loop[:2, 3] = ahead @ pushed
+            loop[2, 0], loop[3, 0], loop[3, 2] = 1.0, *force
+            radii.append(float(np.max(np.abs(np.linalg.eigvals(loop)))))
+        return max(radii)
+
+    limit = brentq(lambda gain: radius(gain) - 1, 1.0, 1e4)
+    region = Region(
+        mass=(mass, mass),
+        damping=(damping, damping),
+        sample_time=(step, step),
+        delay=(step / 2, step / 2),
+        hand=hand,
+    )
+    setting = Setting(
+        stiffness=stiffness,
+        damping=speed,
+        mass=0.0,
+        velocity_filter_hz=None,
+        acceleration_filter_hz=None,
+    )
+    for part, proved in ((0.999, True), (1.001, False)):
+        claim = Claim(gain=part * limit, extra=0.0)
+        assert prove(region, setting, [claim], 20_000).proved == proved
+
+
 def test_one_over_a_number_is_near_a_line() -> None:
     """Chebyshev's approximation: as far above 1/x at both ends as it is below it in between."""
     low, high = 0.25, 4.0

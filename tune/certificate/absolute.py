@@ -49,6 +49,7 @@ from tune.certificate.zero_exclusion import (
     mechanism_of,
     prove,
     terms_of,
+    values_of,
 )
 from tune.documents import CheckFailedError
 from tune.documents.profile import AbsoluteStability, Channel, Design, Multiplier
@@ -113,7 +114,8 @@ def _prove_absolute(
 
     proof = decide(begun, examine, most_cells)
     if proof.doubt is not None:
-        place = merged.point(proof.doubt[:-1, 0], float(proof.doubt[-1, 0])).words()
+        doubt = values_of(merged, proof.doubt)[:, 0]
+        place = merged.point(doubt[: sides - 3], float(doubt[-1])).words()
         words = f"the condition could not be shown at {place}, {proof.cells} cells"
         raise _SpentError(words) if proof.spent else ValueError(words)
     return proof.cells

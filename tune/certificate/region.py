@@ -217,6 +217,16 @@ class Region:
             ),
         )
 
+    def sliding(self) -> tuple[int, int] | None:
+        """Places of an inertia and a spring among the sides that act at the same place.
+
+        At one frequency they act only by k - m·ω², so that of all their pairs those on the way
+        from the heaviest on the softest to the lightest on the stiffest are enough.
+        """
+        if self.hand is None:
+            return None
+        return (0 if self.hand.mass == (0.0, 0.0) and not self.modes else 6), 8
+
     def merged(self) -> Region:
         """This region in fewer dimensions: a grip on a rigid device adds to all it has."""
         if self.hand is None or self.modes:

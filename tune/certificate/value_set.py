@@ -152,6 +152,8 @@ class Mechanism:
     modes: tuple[tuple[Term, Term], ...]  # frequency in Hz and damping ratio of each
     participations: tuple[tuple[float, float], ...]  # (e, h) of each mode
     grounded: bool  # a spring of device or hand holds the position
+    # mass, that of the grip and its stiffness at aliases, where they are known less well; else None
+    aliased: tuple[Term, Term, Term] | None = None
 
     @property
     def free_and_rigid(self) -> bool:
@@ -164,14 +166,15 @@ class _Scaled:
     """The mechanism in units of one sample, with what its polynomials share."""
 
     mass: Term  # m/T²
-    per_mass: Term  # its inverse
+    per_mass: Term  # T²/m
     damping: Term  # b/T
     ratio: Term  # bT/m
     spring: Term | None  # k of the device itself, None for none
     spring_ratio: Term | None  # kT²/m, likewise
     lag: Term | None  # in samples, None for none
     hand: tuple[Term, Term, Term] | None  # (m_h/T², b_h/T, k_h) or None
-    share: Term  # ρ = m_h/(m + c·m_h), c = 1 + Σ h²
+    share: Term  # ρ = m_h/(m + c·m_h), c = 1 + Σ h², at aliases
+    stiffness: Term  # k_h at aliases
     modes: tuple[tuple[Term, Term], ...]  # (2ζω, ω²) in samples of each
     participations: tuple[tuple[float, float], ...]  # (e, h) of each
     grounded: bool  # as in the mechanism
@@ -182,9 +185,10 @@ class _Scaled:
         step = given.sample_time
         per_step = inverse(step)
         per_square = per_step * per_step
-        per_mass = reciprocal(given.mass)
-        omegas = [f * step * (2 * np.pi) for f, _ in given.modes]
         hand = given.hand
+        fast = given.aliased or (given.mass, *((hand[0], hand[2]) if hand else (0.0, 0.0)))
+        per_mass = reciprocal(fast[0])
+        omegas = [f * step * (2 * np.pi) for f, _ in given.modes]
         free = given.position_stiffness == 0.0
         return cls(
             mass=given.mass * per_square,
@@ -195,9 +199,8 @@ class _Scaled:
             spring_ratio=None if free else given.position_stiffness * (step * step) * per_mass,
             lag=None if given.lag == 0.0 else given.lag * per_step,
             hand=hand and (hand[0] * per_square, hand[1] * per_step, hand[2]),
-            share=0.0
-            if hand is None
-            else _share(hand[0], given.mass, _squares(h for _, h in given.participations)),
+            share=_share(fast[1], given.mass, _squares(h for _, h in given.participations)),
+            stiffness=fast[2],
             modes=tuple(
                 (w * zeta * 2.0, w * w) for w, (_, zeta) in zip(omegas, given.modes, strict=True)
             ),
@@ -247,7 +250,7 @@ class _Scaled:
             grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
             moves = self._apart(resonances, others, inertial)
             lighter = (1.0 - self.share * self.handle) * self.per_mass
-            damping, stiffness = self.hand[1] * lighter, self.hand[2] * lighter
+            damping, stiffness = self.hand[1] * lighter, self.stiffness * lighter
             yields = s * damping + stiffness if self.grounded else damping
             inert = s * s if self.grounded else s
             # What the share is multiplied by all but vanishes: the inertia of both is one.
@@ -340,7 +343,7 @@ class _Scaled:
         return first, second
 
     def _aliases(self) -> int:
-        least = range_of(self.mass)[0]
+        least = 1 / range_of(self.per_mass)[1]
         for count in range(_MOST_ALIASES):
             if self._rest(count) * least <= _NEGLIGIBLE:
                 return count
@@ -352,7 +355,7 @@ class _Scaled:
         With the mass divided out, P = g'(M + C/S + K/S²)^-1·g/S² with M not below 1, so that what
         follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
         """
-        least = range_of(self.mass)[0]
+        least = 1 / range_of(self.per_mass)[1]
         handle, encoder = self.handle, _squares(e for e, _ in self.participations)
         damping = max(
             np.abs(range_of(self.ratio)).max(), *(range_of(a)[1] for a, _ in self.modes), 0.0
@@ -361,7 +364,7 @@ class _Scaled:
         spring = max(own, *(range_of(c)[1] for _, c in self.modes), 0.0)
         if self.hand is not None:
             damping += range_of(self.hand[1] * self.per_mass)[1] * handle
-            spring += range_of(self.hand[2] * self.per_mass)[1] * handle
+            spring += range_of(self.stiffness * self.per_mass)[1] * handle
         nearest = np.pi * (2 * count + 1)
         share = (damping + spring / nearest) / nearest
         if share >= 1:

@@ -16,7 +16,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tune.certificate.affine import ROUNDING, AffineForm, FloatArray, Term
+from tune.certificate.affine import (
+    ROUNDING,
+    AffineForm,
+    FloatArray,
+    Term,
+    anywhere_between,
+    ends_of,
+)
 from tune.certificate.region import Interval, Region, Setting, Sizes, groups_of_equal_effects
 from tune.certificate.value_set import (
     Mechanism,
@@ -37,6 +44,8 @@ _RATIO = 1.5
 _STARVED = 16.0
 #: Ends that are so many times apart are split at their geometric mean.
 _WIDE = 2.0
+#: Frequency below which what acts in another proportion at aliases is not known at all, rad/s.
+_STILL = 1e-9
 #: A second side is split at once if it moves the loop by more than this part of the first.
 _ALSO = 0.5
 
@@ -121,6 +130,9 @@ def initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
     for claim in claims:
         for extra, delay in _delays(region, claim.extra):
             lows, highs = np.array(replace(region, delay=delay).sides()).T
+            if (slide := region.sliding()) is not None:
+                # One side is the way of both, the other is not looked at.
+                lows[[*slide]], highs[[*slide]] = 0.0, [1.0, 0.0]
             for bottom, top in pairwise(edges):
                 columns.append(
                     (
@@ -206,11 +218,12 @@ def prove(
     """
     region = region.merged()
     corners = [(each, each.sizes) for each in (setting, *others)]
-    return decide(
+    proof = decide(
         initial_cells(region, claims),
         lambda cells: _exclusion_test(region, corners, cells, or_nothing=or_nothing),
         most_cells,
     )
+    return proof if proof.doubt is None else replace(proof, doubt=values_of(region, proof.doubt))
 
 
 def prove_all(
@@ -326,6 +339,7 @@ def as_affine(term: Term, cells: Cells, symbols: int) -> AffineForm:
 
 def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
     """What may be anywhere in each cell, from the terms of its sides."""
+    aliased, terms = _slid(region, terms)
     theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
     del theta
     hand = None
@@ -343,7 +357,45 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
         modes=tuple((rest[2 * i], rest[2 * i + 1]) for i in range(len(region.modes))),
         participations=tuple((mode.at_encoder, mode.at_handle) for mode in region.modes),
         grounded=region.grounded,
+        aliased=aliased,
     )
+
+
+def _slid(region: Region, terms: list[Term]) -> tuple[tuple[Term, Term, Term] | None, list[Term]]:
+    """(mass, that of the grip and its stiffness at aliases; terms with both on their way).
+
+    Aliases have another frequency: there both are whatever agrees with the way at some frequency
+    of the cell.
+    """
+    slide = region.sliding()
+    if slide is None:
+        return None, terms
+    inertia, spring = (3 + place for place in slide)
+    (light, heavy), (soft, stiff) = (region.sides()[place] for place in slide)
+    theta, way, terms = terms[0], terms[inertia], list(terms)
+    assert isinstance(theta, AffineForm)
+    start, end = ends_of(way)
+    slowest = np.maximum(ends_of(theta)[0], 0.0) / ends_of(terms[5])[1]
+    more = (stiff - soft) / np.maximum(slowest, _STILL) ** 2
+    least = np.maximum(heavy - end * (heavy - light + more), light)
+    most = np.minimum(heavy - start * (heavy - light) + (1 - start) * more, heavy)
+    known = anywhere_between(least, most, theta)
+    springs = anywhere_between(np.full_like(least, soft), np.full_like(least, stiff), theta)
+    terms[inertia] = way * -(heavy - light) + heavy
+    terms[spring] = way * (stiff - soft) + soft
+    return (known, 0.0, springs) if inertia == 3 else (terms[3], known, springs), terms
+
+
+def values_of(region: Region, place: FloatArray) -> FloatArray:
+    """All sides of a region at a place in doubt, what is on its way included."""
+    if (slide := region.sliding()) is not None:
+        (light, heavy), (soft, stiff) = (region.sides()[each] for each in slide)
+        way, place = place[slide[0]], place.copy()
+        place[slide[0]], place[slide[1]] = (
+            heavy - way * (heavy - light),
+            soft + way * (stiff - soft),
+        )
+    return place
 
 
 def _samples(delay: Term, step: Term, extra: Term, like: Term) -> AffineForm:

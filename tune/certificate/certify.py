@@ -45,7 +45,7 @@ from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 _THOROUGH = 8
 #: Cells looked at for one combination before it counts as not proved. With a fifth of margin to
 #: spare a plain device takes a hundred, on the edge some thousands; a hand and modes take ten times
-#: more. A mode adds so many times as much, and no proof is cut short: more margin would not help.
+#: more. A mode adds so many times as much.
 MOST_CELLS, _OF_A_MODE = 200_000, 4
 #: Samples of delay, margins included, that are looked at.
 _LONGEST_DELAY = 64
@@ -522,7 +522,7 @@ def certify(
         if (setting := setting_of(design, combination)) is not None
     ]
     modes = len(design.device.modes)
-    most = MOST_CELLS * (1 + _OF_A_MODE * modes) if modes else most_cells or MOST_CELLS
+    most = (most_cells or MOST_CELLS) * (1 + _OF_A_MODE * modes)
     covered = {names for names, other in outermost.items() if other != names}
     clamped = {names: stated[key] for names in outermost if (key := " + ".join(names)) in stated}
     judged = [
@@ -557,7 +557,7 @@ def certify(
     if failures:
         points = tuple(point for each in every for point in each.unstable)
         unproved = tuple(names for names, _ in played if " + ".join(names) not in interior)
-        spent |= any(each.spent for each in every)
+        spent |= most_cells is None and any(each.spent for each in every)
         raise CheckFailedError(tuple(failures), points, unproved, spent=spent and modes > 0)
     if not every:
         raise CheckFailedError(("the profile plays no effect at all",))

@@ -49,7 +49,7 @@ _TERMS = 28
 #: rest of the series, 4^-28, both times less than 2^6.
 _ERROR = 1e-13
 #: Aliases are looked at one by one until the rest is below this part of 1/mass, or the most.
-_NEGLIGIBLE = 1e-5
+_NEGLIGIBLE = 1e-4
 _MOST_ALIASES = 12
 
 

@@ -217,11 +217,11 @@ class Region:
             ),
         )
 
-    def sliding(self) -> tuple[int, int] | None:
-        """Places of an inertia and a spring among the sides that act at the same place.
+    def reactive(self) -> tuple[int, int] | None:
+        """Places among the sides of a mass and a spring that act at the same place.
 
-        At one frequency they act only by k - m·ω², so that of all their pairs those on the way
-        from the heaviest on the softest to the lightest on the stiffest are enough.
+        At one frequency they act by their reactance k - m·ω² only, so that of all their pairs
+        those on the way from heaviest and softest to lightest and stiffest are enough.
         """
         if self.hand is None:
             return None

@@ -130,9 +130,9 @@ def initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
     for claim in claims:
         for extra, delay in _delays(region, claim.extra):
             lows, highs = np.array(replace(region, delay=delay).sides()).T
-            if (slide := region.sliding()) is not None:
+            if (both := region.reactive()) is not None:
                 # One side is the way of both, the other is not looked at.
-                lows[[*slide]], highs[[*slide]] = 0.0, [1.0, 0.0]
+                lows[[*both]], highs[[*both]] = 0.0, [1.0, 0.0]
             for bottom, top in pairwise(edges):
                 columns.append(
                     (
@@ -339,7 +339,7 @@ def as_affine(term: Term, cells: Cells, symbols: int) -> AffineForm:
 
 def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
     """What may be anywhere in each cell, from the terms of its sides."""
-    aliased, terms = _slid(region, terms)
+    aliased, terms = _by_reactance(region, terms)
     theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
     del theta
     hand = None
@@ -361,17 +361,19 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
     )
 
 
-def _slid(region: Region, terms: list[Term]) -> tuple[tuple[Term, Term, Term] | None, list[Term]]:
-    """(mass, that of the grip and its stiffness at aliases; terms with both on their way).
+def _by_reactance(
+    region: Region, terms: list[Term]
+) -> tuple[tuple[Term, Term, Term] | None, list[Term]]:
+    """(mass, that of the grip and its stiffness at aliases; terms with both of `reactive`).
 
-    Aliases have another frequency: there both are whatever agrees with the way at some frequency
-    of the cell.
+    Aliases have another frequency: there both are whatever has the same reactance at some
+    frequency of the cell.
     """
-    slide = region.sliding()
-    if slide is None:
+    both = region.reactive()
+    if both is None:
         return None, terms
-    inertia, spring = (3 + place for place in slide)
-    (light, heavy), (soft, stiff) = (region.sides()[place] for place in slide)
+    inertia, spring = (3 + place for place in both)
+    (light, heavy), (soft, stiff) = (region.sides()[place] for place in both)
     theta, way, terms = terms[0], terms[inertia], list(terms)
     assert isinstance(theta, AffineForm)
     start, end = ends_of(way)
@@ -387,14 +389,11 @@ def _slid(region: Region, terms: list[Term]) -> tuple[tuple[Term, Term, Term] | 
 
 
 def values_of(region: Region, place: FloatArray) -> FloatArray:
-    """All sides of a region at a place in doubt, what is on its way included."""
-    if (slide := region.sliding()) is not None:
-        (light, heavy), (soft, stiff) = (region.sides()[each] for each in slide)
-        way, place = place[slide[0]], place.copy()
-        place[slide[0]], place[slide[1]] = (
-            heavy - way * (heavy - light),
-            soft + way * (stiff - soft),
-        )
+    """All sides of a region at a place in doubt, both of `reactive` included."""
+    if (both := region.reactive()) is not None:
+        (light, heavy), (soft, stiff) = (region.sides()[each] for each in both)
+        way, place = place[both[0]], place.copy()
+        place[both[0]], place[both[1]] = heavy - way * (heavy - light), soft + way * (stiff - soft)
     return place
 
 

@@ -122,6 +122,11 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "tune/optimisation/__init__.py",
+        "tests/test_optimise.py -k left_out_and_the_rest",
+        ("a proof that is spent", "in SLACK[-error.spent :] if", "in SLACK if"),
+    ),
+    *_of(
         "tune/certificate/value_set.py",
         "tests/test_zero_exclusion.py -k any_mass",
         (

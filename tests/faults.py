@@ -91,9 +91,9 @@ FAULTS: tuple[Fault, ...] = (
         ("the heaviest hand", "high / (light + weight * high)", "low / (light + weight * low)"),
         ("inertia of a hand beside that of all", " - denominator * self.handle) * self.share", ")"),
         (
-            "a spring of the hand among aliases",
-            "yields = s * damping + stiffness",
-            "yields = s * damping",
+            "damping of the hand among aliases",
+            "self.hand[1] * lighter, self",
+            "self.hand[1] * lighter * 0.0, self",
         ),
     ),
     *_of(

@@ -112,8 +112,8 @@ FAULTS: tuple[Fault, ...] = (
         ),
         (
             "the way of a hand",
-            "lows[[*both]], highs[[*both]] = 0.0, [1.0, 0.0]",
-            "lows[[*both]], highs[[*both]] = 0.0, [0.5, 0.0]",
+            "[float(wide), 0.0]",
+            "[0.5, 0.0]",
         ),
         (
             "masses at aliases by the way",

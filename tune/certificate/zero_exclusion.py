@@ -132,7 +132,8 @@ def initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
             lows, highs = np.array(replace(region, delay=delay).sides()).T
             if (both := region.reactive()) is not None:
                 # One side is the way of both, the other is not looked at.
-                lows[[*both]], highs[[*both]] = 0.0, [1.0, 0.0]
+                wide = np.any(highs[[*both]] > lows[[*both]])
+                lows[[*both]], highs[[*both]] = 0.0, [float(wide), 0.0]
             for bottom, top in pairwise(edges):
                 columns.append(
                     (

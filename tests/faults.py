@@ -110,11 +110,7 @@ FAULTS: tuple[Fault, ...] = (
             "way * -(heavy - light) + heavy",
             "way * -0.9 * (heavy - light) + heavy",
         ),
-        (
-            "the way of a hand",
-            "[float(wide), 0.0]",
-            "[0.5, 0.0]",
-        ),
+        ("the way of a hand", "[float(wide), 0.0]", "[0.5, 0.0]"),
         (
             "masses at aliases by the way",
             "least = np.maximum(heavy - end",

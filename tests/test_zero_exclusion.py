@@ -273,14 +273,7 @@ def test_a_hand_of_any_mass_takes_no_more_cells_for_its_aliases() -> None:
         ),
         hand=HandBox(mass=(0.005, 1.0), damping=(1.0, 30.0), stiffness=(20.0, 2000.0)),
     )
-    setting = Setting(
-        stiffness=875.0,
-        damping=5.2,
-        mass=0.0,
-        velocity_filter_hz=None,
-        acceleration_filter_hz=None,
-    )
-    assert prove(region, setting, [Claim(gain=1.0, extra=0.0)], 25_000).proved
+    assert prove(region, plain(875.0, 5.2), [Claim(gain=1.0, extra=0.0)], 25_000).proved
 
 
 def test_boxes_with_delay_hand_and_mode_are_proved() -> None:
@@ -434,45 +427,55 @@ def _rest(form: AffineForm) -> float:
     return float(np.hypot(form.real[0], form.imag[0]))
 
 
-@pytest.mark.parametrize("effect", ["stiffness", "damping"])
-def test_every_pair_of_mass_and_stiffness_of_a_hand_is_looked_at(effect: str) -> None:
+def plain(stiffness: float, damping: float = 0.0) -> Setting:
+    """A spring and a damper on the difference of two readings."""
+    return Setting(
+        stiffness=stiffness,
+        damping=damping,
+        mass=0.0,
+        velocity_filter_hz=None,
+        acceleration_filter_hz=None,
+    )
+
+
+def radius_of(law: NDArray[np.float64], step: float, samples: float, setting: Setting) -> float:
+    """Largest pole beside d/dt (x, v) = law·(x, v, force), the force so many samples late."""
+    whole, part = divmod(samples, 1.0)
+    late, rest = (expm(np.vstack([law, np.zeros(3)]) * each * step) for each in (part, 1 - part))
+    ages = int(whole) + 3  # of readings, that of now first
+    loop = np.eye(1 + ages, k=-1)
+    loop[:2] = 0.0
+    loop[:2, :2] = rest[:2, :2] @ late[:2, :2]
+    loop[2, :3] = [1.0, 0.0, 0.0]
+    places = [0, *range(2, 1 + ages)]
+    for age, pushed in ((int(whole) + 1, rest[:2, :2] @ late[:2, 2]), (int(whole), rest[:2, 2])):
+        speed = setting.damping / step
+        loop[:2, places[age]] -= pushed * (setting.stiffness + speed)
+        loop[:2, places[age + 1]] += pushed * speed
+    return float(np.max(np.abs(np.linalg.eigvals(loop))))
+
+
+@pytest.mark.parametrize("setting", [plain(100.0), plain(0.0, 1.0)], ids=["spring", "damper"])
+def test_every_pair_of_mass_and_stiffness_of_a_hand_is_looked_at(setting: Setting) -> None:
     """The largest spring or damper in a hand, found by poles at all corners of its box."""
     step, mass, damping = 1e-3, 0.2, 2.0
     hand = HandBox(mass=(0.05, 1.0), damping=(1.0, 3.0), stiffness=(20.0, 2000.0))
-    stiffness, speed = (100.0, 0.0) if effect == "stiffness" else (0.0, 1.0)
+    laws = [
+        np.array([[0, 1, 0], np.array([-k, -damping - b, 1.0]) / (mass + m)])
+        for m, b, k in product(hand.mass, hand.damping, hand.stiffness)
+    ]
 
-    def radius(gain: float) -> float:
-        """Position read before, its speed; half a sample late."""
-        radii: list[float] = []
-        for m, b, k in product(hand.mass, hand.damping, hand.stiffness):
-            law = np.zeros((3, 3))
-            law[:2] = [[0, 1, 0], np.array([-k, -damping - b, 1.0]) / (mass + m)]
-            half = expm(law * step / 2)
-            ahead, pushed = half[:2, :2], half[:2, 2]
-            force = -gain * np.array([stiffness + speed / step, -speed / step])
-            loop = np.zeros((4, 4))  # place and speed, the place read before, the force that acts
-            loop[:2, :2] = ahead @ ahead
-            loop[:2, 0] += pushed * force[0]
-            loop[:2, 2] = pushed * force[1]
-            loop[:2, 3] = ahead @ pushed
-            loop[2, 0], loop[3, 0], loop[3, 2] = 1.0, *force
-            radii.append(float(np.max(np.abs(np.linalg.eigvals(loop)))))
-        return max(radii)
+    def beyond(gain: float) -> float:
+        more = plain(gain * setting.stiffness, gain * setting.damping)
+        return max(radius_of(law, step, 0.5, more) for law in laws) - 1
 
-    limit = brentq(lambda gain: radius(gain) - 1, 1.0, 1e4)
+    limit = brentq(beyond, 1.0, 1e4)
     region = Region(
         mass=(mass, mass),
         damping=(damping, damping),
         sample_time=(step, step),
         delay=(step / 2, step / 2),
         hand=hand,
-    )
-    setting = Setting(
-        stiffness=stiffness,
-        damping=speed,
-        mass=0.0,
-        velocity_filter_hz=None,
-        acceleration_filter_hz=None,
     )
     for part, proved in ((0.999, True), (1.001, False)):
         claim = Claim(gain=part * limit, extra=0.0)
@@ -493,36 +496,16 @@ def test_one_over_a_number_is_near_a_line() -> None:
 
 def test_an_uncertain_delay_and_the_extra_one_add_up() -> None:
     """A spring at the largest of both: poles of the held loop, delayed by parts of a sample."""
-    step, mass, damping, stiffness = 1e-3, 0.7, 3.0, 300.0
-    longest = 1.4 + EXTRA
-
-    def radius(gain: float) -> float:
-        whole, part = divmod(longest, 1.0)
-        law = np.zeros((3, 3))
-        law[:2] = [[0, 1, 0], [0, -damping / mass, 1 / mass]]
-        late, rest = expm(law * part * step), expm(law * (1 - part) * step)
-        count = int(whole) + 1  # positions read before, the oldest last
-        loop = np.eye(2 + count, k=-1)
-        loop[:2] = 0.0
-        loop[:2, :2] = rest[:2, :2] @ late[:2, :2]
-        loop[2, :3] = [1.0, 0.0, 0.0]
-        loop[:2, -1] = -gain * stiffness * rest[:2, :2] @ late[:2, 2]
-        loop[:2, -2] -= gain * stiffness * rest[:2, 2]
-        return float(np.max(np.abs(np.linalg.eigvals(loop))))
-
-    limit = brentq(lambda gain: radius(gain) - 1, 0.5, 20.0)
+    step, mass, damping, setting = 1e-3, 0.7, 3.0, plain(300.0)
+    law = np.array([[0, 1, 0], [0, -damping / mass, 1 / mass]])
+    limit = brentq(
+        lambda gain: radius_of(law, step, 1.4 + EXTRA, plain(gain * 300.0)) - 1, 0.5, 20.0
+    )
     region = Region(
         mass=(mass, mass),
         damping=(damping, damping),
         sample_time=(step, step),
         delay=(0.2 * step, 1.4 * step),
-    )
-    setting = Setting(
-        stiffness=stiffness,
-        damping=0.0,
-        mass=0.0,
-        velocity_filter_hz=None,
-        acceleration_filter_hz=None,
     )
     for part, proved in ((0.999, True), (1.001, False)):
         claim = Claim(gain=part * limit, extra=EXTRA)

@@ -6,7 +6,7 @@ The box holds every device, hand, delay, gain and combination.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
@@ -364,11 +364,16 @@ def _judge_combinations(
     What the clamps of a combination are to be proved for says it of the linear loop too, so that
     is not proved here, nor looked at where the proof is of another combination that covers it.
     """
-    beyond, named = list[_NamedClaims](), list[_NamedClaims]()
+
+    def beyond(names: _Combination, claims: Iterable[tuple[Claim, str]]) -> _NamedClaims:
+        """What clamps are not to be proved for."""
+        known = clamped.get(names)
+        return [each for each in claims if known is None or _exceeds(each[0], known)]
+
+    named: list[_NamedClaims] = []
     for names, _ in played:
-        known, claims = clamped.get(names), list(_claims(design, names))
-        beyond.append([each for each in claims if known is None or _exceeds(each[0], known)])
-        named.append(beyond[-1] if names in covered else claims)
+        claims = list(_claims(design, names))
+        named.append(beyond(names, claims) if names in covered else claims)
     rays = [_ray_of(setting) for _, setting in played]
     named = _outermost(named, rays)
     asked = [
@@ -387,13 +392,12 @@ def _judge_combinations(
             elif words == "margin":
                 outcome.worst = claim.gain, worst
     left = [n for n, outcome in enumerate(judged) if named[n] and not outcome.failures]
-    open_ = {n: [claim for claim, words in named[n] if (claim, words) in beyond[n]] for n in left}
-    unproved = [n for n in left if open_[n]]
-    proofs = prove_all(region, [(asked[n][0], open_[n]) for n in unproved], most_cells)
-    found = dict(zip(unproved, proofs, strict=True))
+    open_ = {n: rest for n in left if (rest := beyond(played[n][0], named[n]))}
+    to_prove = [(asked[n][0], [claim for claim, _ in rest]) for n, rest in open_.items()]
+    proofs = dict(zip(open_, prove_all(region, to_prove, most_cells), strict=True))
     for number in left:
         outcome, (setting, claims) = judged[number], asked[number]
-        proof = found.get(number, Proof(proved=True, cells=0))
+        proof = proofs.get(number, Proof(proved=True, cells=0))
         outcome.cells, outcome.proved, outcome.spent = proof.cells, proof.proved, proof.spent
         if proof.proved:
             continue

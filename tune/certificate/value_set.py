@@ -217,9 +217,7 @@ class _Scaled:
     def plant(self, s: AffineForm) -> tuple[Term, AffineForm]:
         """(numerator, denominator) of P at S; a denominator that vanishes at 0 is divided by S."""
         damped = s * self.mass + self.damping  # Y/S
-        resonances, every, others = self._resonances(s)
-        inertial = self._inertial(s) if self.modes else 0.0
-        numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
+        every, numerator, grasped, apart = self._numerators(s)
         rigid = damped * s if self.grounded else damped
         denominator = (rigid if self.spring is None else rigid + self.spring) * every
         if self.hand is not None:
@@ -227,11 +225,9 @@ class _Scaled:
             followed = s * mass + damping
             spring = s * followed + stiffness if self.grounded else followed
             grip = spring if self.grounded else s * followed
-            grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
             denominator = denominator + spring * grasped
             if self.modes:
-                moves = self._apart(resonances, others, inertial)
-                numerator = numerator + grip * moves * self.per_mass
+                numerator = numerator + grip * apart * self.per_mass
         if self.lag is not None:
             denominator = denominator * (s * self.lag + 1.0)
         return numerator, denominator
@@ -242,13 +238,9 @@ class _Scaled:
         At high frequencies the denominator is all but the same for every hand, however wide their
         range is.
         """
-        resonances, every, others = self._resonances(s)
-        inertial = self._inertial(s)
-        numerator = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
-        denominator = (inertial if self.grounded else s + self.ratio) * every
+        every, numerator, grasped, apart = self._numerators(s)
+        denominator = (self._inertial(s) if self.grounded else s + self.ratio) * every
         if self.hand is not None:
-            grasped = every + inertial * _weighed(others, [h * h for _, h in self.participations])
-            moves = self._apart(resonances, others, inertial)
             lighter = (1.0 - self.share * self.handle) * self.per_mass
             damping, stiffness = self.hand[1] * lighter, self.stiffness * lighter
             yields = s * damping + stiffness if self.grounded else damping
@@ -256,8 +248,8 @@ class _Scaled:
             # What the share is multiplied by all but vanishes: the inertia of both is one.
             numerator = (
                 numerator
-                + (s * s * moves - numerator * self.handle) * self.share
-                + moves * (yields if self.grounded else s * yields)
+                + (s * s * apart - numerator * self.handle) * self.share
+                + (yields if self.grounded else s * yields) * apart
             )
             denominator = (
                 denominator
@@ -268,10 +260,26 @@ class _Scaled:
             denominator = denominator * (s * self.lag + 1.0)
         return numerator * self.per_mass, denominator
 
-    def _resonances(self, s: AffineForm) -> tuple[list[AffineForm], Term, list[Term]]:
-        """S² + 2ζω·S + ω² of each mode, their product, and that of all but each."""
+    def _numerators(self, s: AffineForm) -> tuple[Term, Term, Term, Term]:
+        """Product of the resonances, numerators of encoder and handle, and of the two apart.
+
+        The last is how the encoder still moves where the hand holds the handle at rest.
+        """
+        if not self.modes:
+            return 1.0, 1.0, 1.0, 0.0
         each = [s * (s + a) + c for a, c in self.modes]
-        return each, product_of(each), [product_of(each, without=(i,)) for i in range(len(each))]
+        every, inertial = product_of(each), self._inertial(s)
+        others = [product_of(each, without=(i,)) for i in range(len(each))]
+        encoder = every + inertial * _weighed(others, [e * e for e, _ in self.participations])
+        if self.hand is None:
+            return every, encoder, encoder, 0.0
+        handle = every + inertial * _weighed(others, [h * h for _, h in self.participations])
+        apart = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
+        for i, j in combinations(range(len(each)), 2):
+            (ei, hi), (ej, hj) = self.participations[i], self.participations[j]
+            both = product_of(each, without=(i, j))
+            apart = apart + inertial * both * (ei * hj - ej * hi) ** 2
+        return every, encoder, handle, apart
 
     def _inertial(self, s: AffineForm) -> AffineForm:
         """S² + bS/m + k/m."""
@@ -282,17 +290,6 @@ class _Scaled:
     def handle(self) -> float:
         """c = 1 + Σ h²."""
         return _squares(h for _, h in self.participations)
-
-    def _apart(
-        self, resonances: Sequence[AffineForm], others: Sequence[Term], inertial: Term
-    ) -> Term:
-        """How the encoder still moves where the hand holds the handle at rest."""
-        moves = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
-        for i, j in combinations(range(len(resonances)), 2):
-            (ei, hi), (ej, hj) = self.participations[i], self.participations[j]
-            both = product_of(resonances, without=(i, j))
-            moves = moves + inertial * both * (ei * hj - ej * hi) ** 2
-        return moves
 
     def folded(self, theta: AffineForm, delay: AffineForm) -> AffineForm:
         """Σ P(S)·e^(-2πjkx)/S over all k but 0."""

@@ -65,10 +65,10 @@ def walled(**loop: Any) -> SafeProfile:
     return profile.model_copy(update={"elements": elements, "apart": (("other", "cup"),)})
 
 
-def on_two_axes() -> SafeProfile:
-    """That profile of a device of two axes, as an export sees it."""
-    made = walled()
-    return made.model_copy(update={"device": made.device.model_copy(update={"axes": ("x", "y")})})
+def on_axes(count: int, profile: SafeProfile | None = None) -> SafeProfile:
+    """That profile, or another one, of a device of so many axes, as an export sees it."""
+    made, names = profile or walled(), ("x", "y", "z", "u", "v", "w")[:count]
+    return made.model_copy(update={"device": made.device.model_copy(update={"axes": names})})
 
 
 def renamed(*names: str) -> SafeProfile:

@@ -705,17 +705,20 @@ FAULTS: tuple[Fault, ...] = (
     # Several axes.
     *_of(
         "tune/templates/axes.c",
-        "tests/test_several_axes.py -k 'guard or face or faces or cut or fades or line or laws'",
+        "tests/test_several_axes.py -k 'guard or face or cut or fades or line or laws or room'",
         ("the length of a spring's force", "if (!(length > most)) {", "if (length == length) {"),
         ("the peak of all axes", "    shortened(sum, peak_force);", ""),
-        ("faces at right angles", "return HAPTUNE_NOT_SQUARE;", "continue;"),
+        ("two laws at right angles", "} else if (turned > ROUNDING - 1.0) {", "} else if (0) {"),
+        ("a room without a place", "&& !project(", "&& 0 && !project("),
+        ("a face left for another", "pushes[held[place]] < step * parts[place]", "0"),
+        ("a face that comes while its wall pushes", "if (pushing && product(", "if (0 && product("),
+        ("a face in its place again", "face->clear >= HAPTUNE_TAPS ?", "0 ?"),
+        ("a face that pushes and moves", "if (here->pushing) {", "if (0) {"),
         (
-            "one law at right angles",
-            "(turned > 0.5) == (here->element == there->element)",
-            "turned > 0.5 && here->element == there->element",
+            "fades of all axes while a face pushes",
+            "pushing |= wall && device->elements[place].contact.force != 0.0;",
+            "",
         ),
-        ("a face that pushes and moves", "if (here->contact.force != 0.0) {", "if (0) {"),
-        ("fades of all axes while a face pushes", "pushing |= face->contact.force != 0.0;", ""),
         ("a glitch of one axis", "&& !plausible(&axes[axis], steps, position[axis])", "&& 0"),
         (
             "a wall that is apart from a fluid",

@@ -34,7 +34,6 @@ STATUS = (
     "LATE",
     "PUSHING",
     "TOO_NARROW",
-    "NOT_SQUARE",
 )
 FLAGS = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
 

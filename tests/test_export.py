@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 
 from identification import InvalidInputError, UnstatedError, to_mapping, to_yaml
 from tests.commands import digest_of, files, haptune
-from tests.exported import FADE, LOOPS, changed, on_two_axes, poles, renamed, tuned
+from tests.exported import FADE, LOOPS, changed, on_axes, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
 from tune import export
 from tune.exporters import TARGETS, Target
@@ -217,7 +217,7 @@ int main()
 
 
 def test_chai3d_plays_several_axes_as_vectors(tmp_path: Path) -> None:
-    rubber, wall = played(export(on_two_axes(), "chai3d"), AXES_MAIN, tmp_path)
+    rubber, wall = played(export(on_axes(2), "chai3d"), AXES_MAIN, tmp_path)
     assert [float(each) for each in rubber] == pytest.approx([-0.07, -0.042, -0.056, 0])
     assert wall == ["0", "1", "1"]
 

@@ -7,6 +7,7 @@ of the loop of all axes at once in a state space of this file's own.
 from __future__ import annotations
 
 import importlib
+import itertools
 import json
 import shutil
 import sys
@@ -14,12 +15,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from scipy.optimize import nnls
 
 import identification as ident
 from datasets_synthetic import RigOfAxes, bundled_path
@@ -33,7 +35,7 @@ from identification import (
     identify,
 )
 from tests.commands import haptune
-from tests.exported import on_two_axes
+from tests.exported import on_axes
 from tests.guard import STATUS, Guard, GuardOfAxes, built, enter, parameters_of, push, write
 from tests.planar import (
     DAMPING,
@@ -559,24 +561,24 @@ def test_a_force_that_is_cut_keeps_its_direction(
     assert reply.force == pytest.approx(-rubber.force_level * np.array([0.8, 0.6]), rel=1e-9)
 
 
-def test_in_a_corner_of_rubber_the_sum_is_cut_at_the_peak(
+def test_in_a_corner_under_water_the_sum_is_cut_at_the_peak(
     profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
 ) -> None:
     limit = profile.device.force_limit
     assert limit is not None
     guard.start()
-    guard.enter(bits["rubber"])
+    guard.enter(bits["water"])
     for face, normal in enumerate(((0.6, 0.8), (0.8, -0.6))):
         assert guard.place(face, bits["wall"], normal, 0.0) == "OK"
     into = np.array([-1.4, -0.2]) / 2**0.5
-    replies = [guard.push(bits["rubber"], 3, k, (1e-5 * k * into).tolist()) for k in range(3000)]
+    replies = [guard.push(bits["water"], 3, k, (1e-6 * k**2 * into).tolist()) for k in range(1500)]
     reply = replies[-1]
     assert reply.clamped
     assert reply.force == pytest.approx(-limit.peak * into, rel=1e-9)
 
 
 def test_two_laws_at_right_angles_are_not_certified(tmp_path: Path) -> None:
-    guard = GuardOfAxes(export(on_two_axes(), "c"), _folder(tmp_path / "guard"), 2)
+    guard = GuardOfAxes(export(on_axes(2), "c"), _folder(tmp_path / "guard"), 2)
     wall, other = 1, 8
     for elements, state in (((wall, wall), "OK"), ((wall, other), "NOT_TOGETHER")):
         guard.start()
@@ -602,11 +604,11 @@ def test_faces_that_are_not_certified_together_give_no_force(
 
     start((1.0, 0.0, -0.01), (0.0, -1.0, -0.01), (-1.0, 0.0, -0.01), (0.6, 0.8, -0.01))
     assert status(7) == "OK"  # a room of three sides
-    assert status(9) == "NOT_SQUARE"
-    start((1.0, 0.0, -0.01), (1.0, 0.0, -0.02))
-    assert status(3) == "NOT_TOGETHER"  # one law twice
+    assert status(15) == "OK"  # one more, askew
     start((1.0, 0.0, 0.01), (-1.0, 0.0, 0.01))
     assert status(3) == "TOO_NARROW"
+    start((0.6, 0.8, 1e-6), (0.6, -0.8, 1e-6), (-1.0, 0.0, -1e-6))
+    assert status(7) == "TOO_NARROW"  # no place is within all three
     start((1.0, 0.1, 0.0), state="NO_SIDE")
     assert status(1) == "NOT_ENTERED"
     start((np.nan, 0.1, 0.0), state="NOT_FINITE")
@@ -619,6 +621,76 @@ def test_faces_that_are_not_certified_together_give_no_force(
     assert guard.enter(bits["feather"] | bits["cup"] | bits["water"]) == "OK"
     assert status(1, bits["feather"]) == "NOT_TOGETHER"  # apart
     assert status(1 << 20) == "NOT_ENTERED"
+
+
+def nearest(point: FloatArray, normals: FloatArray, offsets: FloatArray) -> FloatArray:
+    """The nearest place of a room by least distance programming: Lawson and Hanson 1974, ch. 23."""
+    columns = np.vstack([normals.T, offsets - normals @ point])
+    aim = np.append(np.zeros(len(point)), 1.0)
+    left = columns @ nnls(columns, aim)[0] - aim
+    return np.asarray(point - left[:-1] / left[-1])
+
+
+@pytest.mark.parametrize(("axes", "count"), [(2, 3), (2, 7), (3, 4), (3, 16), (6, 9)])
+def test_a_wall_pushes_back_to_the_nearest_place_of_its_room(
+    axes: int, count: int, tmp_path: Path
+) -> None:
+    """A hand that has come to rest beyond faces of any angles, sharp corners among them."""
+    made = on_axes(axes)
+    wall = made.elements["wall"].model_copy(update={"force_level": 9.0})
+    made = made.model_copy(update={"elements": {**made.elements, "wall": wall}})
+    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
+    cuts = 0
+    for seed in range(8):
+        chance = np.random.default_rng(seed)
+        normals = chance.normal(size=(count, axes))
+        normals[-1] = 0.05 * normals[-1] - normals[0]  # a narrow wedge
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        offsets = -chance.uniform(1e-4, 0.01, count)
+        end = chance.normal(size=axes)
+        end *= chance.uniform(0.01, 0.05) / np.linalg.norm(end)
+        guard.start()
+        for face, (normal, offset) in enumerate(zip(normals, offsets, strict=True)):
+            assert guard.place(face, 1, normal.tolist(), offset) == "OK"
+        way = [*np.linspace(0, 1, 800), *np.ones(700)]
+        replies = [guard.push(0, 2**count - 1, k, (at * end).tolist()) for k, at in enumerate(way)]
+        reply = replies[-1]
+        wanted = wall.stiffness * (nearest(end, normals, offsets) - end)
+        length = np.linalg.norm(wanted)
+        cuts += length > wall.force_level
+        wanted *= min(1.0, wall.force_level / max(length, 1e-12))
+        assert reply.force == pytest.approx(wanted, rel=1e-7, abs=1e-7)
+        assert reply.clamped == (length > wall.force_level)
+    assert cuts > 0
+
+
+def test_a_face_that_comes_while_its_wall_pushes_adds_nothing(
+    bits: dict[str, int], guard: GuardOfAxes, profile: SafeProfile
+) -> None:
+    """Beyond it as what pushes leaves the hand, it stands in its place after that was left."""
+    guard.start()
+    periods, at = itertools.count(), 1e-4
+    normals = np.array([[0.0, 1.0], [0.8, 0.6]])
+
+    def held(height: float, faces: int) -> FloatArray:
+        nonlocal at
+        way = [*np.linspace(at, height, 200), *[height] * 500]
+        replies = [guard.push(0, faces, next(periods), (0.0, there)) for there in way]
+        assert {reply.status for reply in replies} == {"OK"}
+        at = height
+        return replies[-1].force
+
+    assert guard.place(0, bits["wall"], normals[0].tolist(), 0.0) == "OK"
+    assert not held(1e-4, 1).any()
+    before = held(-3e-4, 1)
+    assert before[1] > 1
+    assert guard.place(1, bits["wall"], normals[1].tolist(), 2e-4) == "OK"
+    assert held(-3e-4, 3) == pytest.approx(before, abs=1e-9)
+    assert held(2e-4, 3) == pytest.approx([0.0, 0.0], abs=1e-9)  # behind it, no farther
+    assert not held(5e-4, 3).any()
+    wall = profile.elements["wall"]
+    expected = wall.stiffness * (2e-4 - 0.6 * 2e-4) * normals[1]
+    assert held(2e-4, 3) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_face_moves_only_while_it_gives_no_force_and_a_gap_ends_all(
@@ -655,29 +727,35 @@ def test_fades_stand_still_while_a_face_pushes(bits: dict[str, int], guard: Guar
         assert (reply.force[0] == 0) == pushing
 
 
-def test_the_law_of_axes_in_python_keeps_to_the_guard(
-    profile: SafeProfile,
-    bits: dict[str, int],
-    guard: GuardOfAxes,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """20 000 calls of every kind, wrong ones among them: states alike, forces to rounding."""
+def law_of_axes(profile: SafeProfile, folder: Path) -> Any:
+    """The law of several axes as the files of ROS 2 have it."""
     files = export(profile, "ros2")
-    write(files, tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    for name in ("haptune_law", "haptune_axes"):
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    module = importlib.import_module("haptune_axes")
-    law = module.LawOfAxes(parameters_of(files["haptune_params.yaml"]))
+    write(files, folder)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.syspath_prepend(folder)
+        for name in ("haptune_law", "haptune_axes"):
+            patched.delitem(sys.modules, name, raising=False)
+        module = importlib.import_module("haptune_axes")
+    return module.LawOfAxes(parameters_of(files["haptune_params.yaml"]))
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_law_of_axes_in_python_keeps_to_the_guard(
+    profile: SafeProfile, bits: dict[str, int], axes: int, tmp_path: Path
+) -> None:
+    """Thousands of calls of every kind, wrong ones among them: states alike, forces to rounding."""
+    made = on_axes(axes, profile)
+    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
+    law = law_of_axes(made, tmp_path)
     guard.start()
-    chance = np.random.default_rng(7)
+    chance = np.random.default_rng(axes + 5)
     fluids = [["water"], ["cup"], ["rubber"], ["water", "rubber"], ["cup", "water"], ["wall"], []]
-    normals = [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.6, 0.8], [-0.8, 0.6], [1.1, 0.0]]
-    touched, faces, place, way = fluids[0], [0], np.zeros(2), np.zeros(2)
+    normals = [*np.eye(axes), -np.eye(axes)[0], *chance.normal(size=(3, axes))]
+    normals = [each / np.linalg.norm(each) for each in normals] + [1.1 * np.eye(axes)[0]]
+    touched, faces, place, way = fluids[0], [0], np.zeros(axes), np.zeros(axes)
     seen: set[str] = set()
     largest = 0.0
-    for k in range(20_000):
+    for k in range(10_000):
         draw = chance.random()
         if draw < 0.01:
             touched = fluids[chance.integers(len(fluids))]
@@ -687,20 +765,20 @@ def test_the_law_of_axes_in_python_keeps_to_the_guard(
             assert law.enter(touched).name == told
             seen.add(told)
         elif draw < 0.05:
-            face, normal = int(chance.integers(4)), normals[chance.integers(len(normals))]
+            face, normal = int(chance.integers(4)), normals[chance.integers(len(normals))].tolist()
             offset = float(place @ normal + chance.choice([0.0, -0.003, 0.001, np.nan]))
             element = str(chance.choice(["wall", "wall", "wall", "water"]))
             told = guard.place(face, bits[element], normal, offset)
             assert law.place(str(face), element, normal, offset).name == told
             seen.add(told)
-        way += 2e-6 * chance.normal(size=2) - 5e-4 * place - 0.01 * way
+        way += 2e-6 * chance.normal(size=axes) - 5e-4 * place - 0.01 * way
         place = place + way
         period, reading, gain = k, place.tolist(), 1.0
         draw = chance.random()
         if draw < 0.01:
             continue
         if draw < 0.02:
-            reading[chance.integers(2)] += float(chance.choice([np.nan, 0.3]))
+            reading[chance.integers(axes)] += float(chance.choice([np.nan, 0.3]))
         elif draw < 0.025:
             period -= 1
         elif draw < 0.1:
@@ -720,8 +798,9 @@ def test_the_law_of_axes_in_python_keeps_to_the_guard(
 def test_the_guard_of_all_axes_makes_nothing_grow(profile: SafeProfile, guard: GuardOfAxes) -> None:
     """The compiled guard on the true device without friction: fast into corners, or adversely held.
 
-    A room that stands askew, one of whose walls comes and goes, a fluid switched at any moment:
-    however fast it comes in, the device ends slower, nothing is above the peak, and no wall pulls.
+    A room that stands askew, whose faces come and go, with right angles or corners of 60 degrees, a
+    fluid switched at any moment: however fast it comes in, the device ends slower, nothing is above
+    the peak, and no wall pulls.
     """
     truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
     rig = RigOfAxes(
@@ -731,9 +810,10 @@ def test_the_guard_of_all_axes_makes_nothing_grow(profile: SafeProfile, guard: G
         delay=STEP,
         encoder_resolution=6e-6,
     )
-    turned = np.array([[0.6, 0.8], [-0.6, -0.8], [-0.8, 0.6], [0.8, -0.6]])
     for seed in range(8):
-        nothing_grows(guard, profile, rig, turned, seed)
+        angles = 0.3 + 2 * np.pi * np.arange(4 - seed % 2) / (4 - seed % 2)
+        room = np.column_stack([np.cos(angles), np.sin(angles)])
+        nothing_grows(guard, profile, rig, room, seed)
 
 
 SCENE = """\
@@ -773,8 +853,12 @@ def test_the_guard_of_a_random_device_makes_nothing_grow(seed: int, tmp_path: Pa
     )
     turned = np.linalg.qr(chance.standard_normal((axes, axes)))[0]
     guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
-    for play in range(4):
-        nothing_grows(guard, made, rig, np.concatenate((turned, -turned)), play)
+    sharp = chance.standard_normal((axes + 1, axes))
+    sharp[-1] = -sharp[:-1].sum(0)  # any corners: a triangle, a tetrahedron
+    sharp /= np.linalg.norm(sharp, axis=1)[:, None]
+    for play in range(6):
+        faces = sharp if play % 3 == 2 else np.concatenate((turned, -turned))
+        nothing_grows(guard, made, rig, faces, play)
 
 
 def nothing_grows(
@@ -790,19 +874,19 @@ def nothing_grows(
     assert guard.enter(sum(bits[name] for name in fluids)) == "OK"
     for face, normal in enumerate(normals):
         assert guard.place(face, bits["wall"], normal.tolist(), -0.02) == "OK"
-    wet, whole, fluid = True, True, fluids[seed % len(fluids)] if fluids else None
+    wet, faces, fluid = True, 2 ** len(normals) - 1, fluids[seed % len(fluids)] if fluids else None
 
     def law(k: int, seen: FloatArray) -> FloatArray:
-        nonlocal wet, whole
+        nonlocal wet, faces
         wet ^= chance.random() < 0.01
-        whole ^= chance.random() < 0.002
-        faces = 2 ** len(normals) - (1 if whole else 2)
+        if chance.random() < 0.004:
+            faces ^= 1 << chance.integers(len(normals))
         chosen = bits[fluid] if wet and fluid else 0
         reply = guard.push(chosen, faces, k, seen[0].tolist())
         assert reply.status == "OK"
         assert np.linalg.norm(reply.force) <= (1 + 1e-12) * limit.peak
-        if fluid != "cup" and not chosen:  # walls alone: each pushes away from itself
-            assert np.all((normals @ seen[0]) * (normals @ reply.force) <= 1e-12)
+        if fluid != "cup" and not chosen:  # walls alone push towards the middle
+            assert seen[0] @ reply.force <= 1e-12
         return reply.force[None]
 
     # A blow of 30 ms, over before any wall.

@@ -38,8 +38,9 @@ LAW_IN_WORDS = (
 )
 _OF_AXES = (
     "; y, v, a, u and F are vectors of all axes in one frame with right angles, whose length is "
-    "clamped and cut; what is one_sided acts along the normal n of each of its faces, on n*y, n*v "
-    "and n*a, faces at once being parallel, or at right angles and of one element"
+    "clamped and cut; what is one_sided takes from u the place x nearest to it where n*x is at "
+    "least stiffness*rest for the normal n of each of its faces, those of several elements being "
+    "parallel; a new face rests behind that place and where the device is"
 )
 
 

@@ -1,6 +1,8 @@
 
-/* Of a sum of squares to 1, and of a product of normals to 0 or 1. */
+/* Of a sum of squares to 1, and of a product of normals to -1 or 1. */
 #define ROUNDING 1e-9
+/* By less than this part of all that it is made of nothing is beyond a face. */
+#define SMALL 1e-12
 
 static double product(const double one[HAPTUNE_AXES], const double other[HAPTUNE_AXES])
 {
@@ -26,19 +28,114 @@ static double shortened(double vector[HAPTUNE_AXES], double most)
     return most;
 }
 
-/* Position, velocity and acceleration along a normal. */
-static haptune_estimate along(
-    const haptune_estimate axes[HAPTUNE_AXES], const double normal[HAPTUNE_AXES])
+/* What is left of a vector beside some normals: its square, and how much of each was taken away. */
+static double beside(const haptune_face faces[HAPTUNE_FACES], const unsigned held[HAPTUNE_AXES],
+    unsigned count, double vector[HAPTUNE_AXES], double parts[HAPTUNE_AXES])
 {
-    haptune_estimate found;
-    unsigned axis;
-    memset(&found, 0, sizeof found);
-    for (axis = 0; axis < HAPTUNE_AXES; axis++) {
-        found.last += normal[axis] * axes[axis].last;
-        found.velocity += normal[axis] * axes[axis].velocity;
-        found.acceleration += normal[axis] * axes[axis].acceleration;
+    double basis[HAPTUNE_AXES][HAPTUNE_AXES], upper[HAPTUNE_AXES][HAPTUNE_AXES];
+    unsigned one, other, axis;
+    for (one = 0; one < count; one++) {
+        memcpy(basis[one], faces[held[one]].normal, sizeof basis[one]);
+        for (other = 0; other < one; other++) {
+            upper[other][one] = product(basis[other], basis[one]);
+            for (axis = 0; axis < HAPTUNE_AXES; axis++) {
+                basis[one][axis] -= upper[other][one] * basis[other][axis];
+            }
+        }
+        upper[one][one] = sqrt(product(basis[one], basis[one]));
+        for (axis = 0; axis < HAPTUNE_AXES; axis++) {
+            basis[one][axis] /= upper[one][one];
+        }
+        parts[one] = product(basis[one], vector);
+        for (axis = 0; axis < HAPTUNE_AXES; axis++) {
+            vector[axis] -= parts[one] * basis[one][axis];
+        }
+    }
+    for (one = count; one-- > 0;) {
+        for (other = one + 1; other < count; other++) {
+            parts[one] -= upper[one][other] * parts[other];
+        }
+        parts[one] /= upper[one][one];
+    }
+    return product(vector, vector);
+}
+
+/* The face of a set beyond whose limit a point is farthest; HAPTUNE_FACES where there is none. */
+static unsigned farthest(const haptune_axes *device, uint32_t faces,
+    const double limits[HAPTUNE_FACES], const double point[HAPTUNE_AXES], double size)
+{
+    unsigned place, found = HAPTUNE_FACES;
+    double most = 0.0;
+    for (place = 0; place < HAPTUNE_FACES; place++) {
+        const double beyond = limits[place] - product(device->faces[place].normal, point);
+        if ((faces >> place & 1u) && beyond > most
+            && beyond > SMALL * (size + fabs(limits[place]))) {
+            most = beyond;
+            found = place;
+        }
     }
     return found;
+}
+
+/*
+ * Moves a point to the nearest one that is within the limits of a set of faces, along their normals.
+ * 0 where there is none. The dual active set method of Goldfarb and Idnani, Mathematical Programming
+ * 27, 1983.
+ */
+static int project(const haptune_axes *device, uint32_t faces, const double limits[HAPTUNE_FACES],
+    double point[HAPTUNE_AXES])
+{
+    double pushes[HAPTUNE_FACES] = {0.0}, start[HAPTUNE_AXES], left[HAPTUNE_AXES], parts[HAPTUNE_AXES];
+    unsigned held[HAPTUNE_AXES], count = 0, tries, place, axis, next = HAPTUNE_FACES;
+    memcpy(start, point, sizeof start);
+    for (tries = 0; tries < 8 * HAPTUNE_FACES; tries++) {
+        unsigned dropped = count;
+        double step = DBL_MAX, square;
+        if (next == HAPTUNE_FACES) {
+            next = farthest(device, faces, limits, point, sqrt(product(start, start)));
+            if (next == HAPTUNE_FACES) {
+                return 1;
+            }
+            faces &= ~(UINT32_C(1) << next);
+        }
+        memcpy(left, device->faces[next].normal, sizeof left);
+        square = beside(device->faces, held, count, left, parts);
+        for (place = 0; place < count; place++) {
+            if (parts[place] > 0.0 && pushes[held[place]] < step * parts[place]) {
+                step = pushes[held[place]] / parts[place];
+                dropped = place;
+            }
+        }
+        if (count < HAPTUNE_AXES && square > SMALL) {
+            const double whole
+                = (limits[next] - product(device->faces[next].normal, point)) / square;
+            if (whole <= step) {
+                step = whole;
+                dropped = HAPTUNE_FACES;
+            }
+        } else if (dropped == count) {
+            return 0;
+        }
+        for (place = 0; place < count; place++) {
+            pushes[held[place]] -= step * parts[place];
+        }
+        pushes[next] += step;
+        if (dropped == HAPTUNE_FACES) {
+            held[count++] = next;
+            next = HAPTUNE_FACES;
+        } else {
+            pushes[held[dropped]] = 0.0;
+            faces |= UINT32_C(1) << held[dropped];
+            held[dropped] = held[--count];
+        }
+        memcpy(point, start, sizeof start);
+        for (place = 0; place < HAPTUNE_FACES; place++) {
+            for (axis = 0; axis < HAPTUNE_AXES && pushes[place] != 0.0; axis++) {
+                point[axis] += pushes[place] * device->faces[place].normal[axis];
+            }
+        }
+    }
+    return 1;
 }
 
 /* As read_position, of all axes or of none. */
@@ -83,7 +180,7 @@ static haptune_status read_positions(haptune_axes *device, uint32_t steps, uint3
     return fault;
 }
 
-/* Whether faces and elements may act at once. */
+/* Whether faces and elements may act at once: walls along one line, each with room between its own. */
 static haptune_status fitting(const haptune_axes *device, uint64_t elements, uint32_t faces)
 {
     unsigned one, other;
@@ -93,29 +190,35 @@ static haptune_status fitting(const haptune_axes *device, uint64_t elements, uin
     for (one = 0; one < HAPTUNE_FACES; one++) {
         const haptune_face *here = &device->faces[one];
         uint64_t ahead = elements | bit(here->element);
+        uint32_t own = 0;
+        double limits[HAPTUNE_FACES], point[HAPTUNE_AXES] = {0.0};
         if (!(faces >> one & 1u)) {
             continue;
         }
         for (other = 0; other < HAPTUNE_FACES; other++) {
             const haptune_face *there = &device->faces[other];
             const double turned = product(here->normal, there->normal);
-            if (other == one || !(faces >> other & 1u)) {
+            limits[other] = there->offset;
+            if (!(faces >> other & 1u)) {
                 continue;
             }
-            if (fabs(turned) <= ROUNDING || turned >= 1.0 - ROUNDING) {
-                if ((turned > 0.5) == (here->element == there->element)) {
-                    return HAPTUNE_NOT_TOGETHER; /* two laws at right angles, one law twice */
-                }
-                ahead |= turned > 0.5 ? bit(there->element) : 0;
+            if (there->element == here->element) {
+                own |= UINT32_C(1) << other;
+            } else if (turned >= 1.0 - ROUNDING) {
+                ahead |= bit(there->element);
             } else if (turned > ROUNDING - 1.0) {
-                return HAPTUNE_NOT_SQUARE;
+                return HAPTUNE_NOT_TOGETHER;
             } else if (narrow(&played[here->element], &played[there->element],
-                           -there->contact.face - here->contact.face)) {
+                           -there->offset - here->offset)) {
                 return HAPTUNE_TOO_NARROW;
             }
         }
         if (!certified(ahead)) {
             return HAPTUNE_NOT_TOGETHER;
+        }
+        /* Asked once, of the first face of each wall. */
+        if (own < UINT32_C(2) << one && !project(device, own, limits, point)) {
+            return HAPTUNE_TOO_NARROW;
         }
     }
     return HAPTUNE_OK;
@@ -131,31 +234,97 @@ static haptune_status none(haptune_axes *device, haptune_status reason)
         memset(element->force, 0, sizeof element->force);
     }
     for (place = 0; place < HAPTUNE_FACES; place++) {
-        haptune_contact *contact = &device->faces[place].contact;
-        contact->wanted = 0;
-        contact->level = contact->force = 0.0;
+        device->faces[place].acting = device->faces[place].pushing = 0;
     }
     memset(device->force, 0, sizeof device->force);
     device->status = reason;
     return reason;
 }
 
-/* As act, of an element that is the same in every direction. */
-static void act_all(const effects *effect, haptune_element *element,
-    const haptune_estimate axes[HAPTUNE_AXES], double asked, double change)
+/*
+ * Takes from u what a wall leaves free: the nearest place in the room of its faces, times K. New
+ * faces come without more force: where the device is behind one, or where what pushes leaves it, it
+ * rests there, until it has given no force where it is to stand for HAPTUNE_TAPS samples.
+ */
+static void leave_room(haptune_axes *device, unsigned wall, uint32_t faces, double u[HAPTUNE_AXES])
 {
+    const double stiffness = played[wall].stiffness;
+    double limits[HAPTUNE_FACES], free[HAPTUNE_AXES];
+    uint32_t before = 0, fresh;
+    unsigned place, axis;
+    int pushing;
+    for (place = 0; place < HAPTUNE_FACES; place++) {
+        haptune_face *face = &device->faces[place];
+        if (face->element == wall) {
+            face->acting = face->acting && (faces >> place & 1u);
+            face->pushing = 0;
+            before |= face->acting ? UINT32_C(1) << place : 0;
+        }
+        limits[place] = stiffness * face->rest;
+    }
+    memcpy(free, u, sizeof free);
+    project(device, before, limits, free);
+    pushing = memcmp(free, u, sizeof free) != 0;
+    fresh = faces & ~before;
+    for (place = 0; place < HAPTUNE_FACES; place++) {
+        haptune_face *face = &device->faces[place];
+        if (fresh >> place & 1u) {
+            double there = 0.0;
+            for (axis = 0; axis < HAPTUNE_AXES; axis++) {
+                there += face->normal[axis] * device->axes[axis].last;
+            }
+            face->rest = face->offset - there > 0.0 ? there : face->offset;
+            limits[place] = stiffness * face->rest;
+            if (pushing && product(face->normal, free) < limits[place]) {
+                limits[place] = product(face->normal, free);
+                face->rest = limits[place] / stiffness;
+            }
+            face->acting = 1;
+            face->clear = 0;
+        }
+    }
+    if (fresh) {
+        memcpy(free, u, sizeof free);
+        project(device, faces, limits, free);
+        pushing = memcmp(free, u, sizeof free) != 0;
+    }
+    for (place = 0; place < HAPTUNE_FACES; place++) {
+        haptune_face *face = &device->faces[place];
+        if (faces >> place & 1u) {
+            const double there = product(face->normal, free);
+            face->clear = counted(face->clear, there >= stiffness * face->offset);
+            face->rest = face->clear >= HAPTUNE_TAPS ? face->offset : face->rest;
+            face->pushing = pushing && there - limits[place] <= SMALL * fabs(limits[place])
+                + SMALL * sqrt(product(u, u));
+        }
+    }
+    for (axis = 0; axis < HAPTUNE_AXES; axis++) {
+        u[axis] -= free[axis];
+    }
+}
+
+/* As act, of an element that is the same in every direction, or of a wall at a set of its faces. */
+static void act_on(
+    haptune_axes *device, unsigned place, uint32_t faces, double asked, double change)
+{
+    const effects *effect = &played[place];
+    haptune_element *element = &device->elements[place];
     haptune_contact *contact = &element->contact;
-    const int spring = effect->stiffness > 0.0;
+    const int spring = effect->stiffness > 0.0, wall = (walls & bit(place)) != 0;
     const int enters = asked > 0.0 && !contact->wanted && contact->level == 0.0;
     double u[HAPTUNE_AXES], length;
     unsigned axis;
     for (axis = 0; axis < HAPTUNE_AXES; axis++) {
         if (enters && spring) {
-            element->rest[axis] = axes[axis].last;
+            element->rest[axis] = wall ? 0.0 : device->axes[axis].last;
             contact->quiet = 0;
         }
-        u[axis] = (effect->stiffness * (axes[axis].last - element->rest[axis])
-            + effect->damping * axes[axis].velocity) + effect->mass * axes[axis].acceleration;
+        u[axis] = (effect->stiffness * (device->axes[axis].last - element->rest[axis])
+            + effect->damping * device->axes[axis].velocity)
+            + effect->mass * device->axes[axis].acceleration;
+    }
+    if (wall) {
+        leave_room(device, place, faces, u);
     }
     length = shortened(u, spring ? effect->force_level : DBL_MAX);
     contact->quiet = counted(contact->quiet, length == 0.0);
@@ -171,34 +340,34 @@ static void act_all(const effects *effect, haptune_element *element,
     contact->wanted = asked > 0.0;
 }
 
-/* One part of a call: what is switched, then what fades. */
-static int act_those(haptune_axes *device, uint64_t elements, uint32_t faces, double gain,
-    uint32_t steps, int fades, int pushing)
+/* Those of a set of faces at which one element pushes. */
+static uint32_t faces_of(const haptune_axes *device, unsigned element, uint32_t faces)
 {
+    uint32_t own = 0;
     unsigned place;
     for (place = 0; place < HAPTUNE_FACES; place++) {
-        haptune_face *face = &device->faces[place];
-        const effects *effect = &played[face->element];
-        if (face->contact.entered && (effect->fade < 1.0) == fades) {
-            const haptune_estimate axis = along(device->axes, face->normal);
-            act(effect, &face->contact, &axis, (faces >> place & 1u) ? gain : 0.0,
-                pushing ? 0.0 : effect->fade * steps);
-            pushing |= face->contact.force != 0.0;
-        }
+        own |= device->faces[place].element == element ? UINT32_C(1) << place : 0;
     }
-    for (place = 0; place < COUNT; place++) {
-        if (!(walls & bit(place)) && (played[place].fade < 1.0) == fades) {
-            act_all(&played[place], &device->elements[place], device->axes,
-                (elements & bit(place)) ? gain : 0.0, pushing ? 0.0 : played[place].fade * steps);
-        }
-    }
-    return pushing;
+    return own & faces;
 }
 
-static int at_limit(const effects *effect, const haptune_contact *contact)
+/* All go on by a reading: walls, what else is switched, and then what fades. */
+static void act_all(
+    haptune_axes *device, uint64_t elements, uint32_t faces, double gain, uint32_t steps)
 {
-    return contact->force != 0.0 && effect->stiffness > 0.0
-        && fabs(contact->force) >= contact->level * effect->force_level;
+    unsigned place, part;
+    int pushing = 0;
+    for (part = 0; part < 3; part++) {
+        for (place = 0; place < COUNT; place++) {
+            const int wall = (walls & bit(place)) != 0;
+            const uint32_t own = wall && gain > 0.0 ? faces_of(device, place, faces) : 0;
+            if (part == (wall ? 0u : played[place].fade < 1.0 ? 2u : 1u)) {
+                act_on(device, place, own, own || (elements & bit(place)) ? gain : 0.0,
+                    pushing ? 0.0 : played[place].fade * steps);
+                pushing |= wall && device->elements[place].contact.force != 0.0;
+            }
+        }
+    }
 }
 
 HAPTUNE_API void haptune_axes_init(haptune_axes *device)
@@ -240,7 +409,7 @@ HAPTUNE_API haptune_status haptune_axes_place(haptune_axes *device, unsigned fac
         device->status = HAPTUNE_NOT_TOGETHER;
         return device->status;
     }
-    if (here->contact.force != 0.0) {
+    if (here->pushing) {
         device->status = HAPTUNE_PUSHING;
         return device->status;
     }
@@ -255,10 +424,10 @@ HAPTUNE_API haptune_status haptune_axes_place(haptune_axes *device, unsigned fac
     before = *here;
     memset(here, 0, sizeof *here);
     memcpy(here->normal, normal, sizeof here->normal);
-    here->contact.entered = here->contact.side = 1;
-    here->contact.face = offset;
+    here->entered = 1;
+    here->offset = here->rest = offset;
     for (place = 0; place < HAPTUNE_FACES; place++) {
-        wanted |= device->faces[place].contact.wanted ? UINT32_C(1) << place : 0;
+        wanted |= device->faces[place].acting ? UINT32_C(1) << place : 0;
     }
     for (place = 0; place < COUNT; place++) {
         here->element = (element & bit(place)) ? place : here->element;
@@ -276,7 +445,6 @@ HAPTUNE_API haptune_status haptune_axes_force(haptune_axes *device, uint64_t ele
 {
     unsigned place, axis;
     uint64_t acting = 0, fading = 0;
-    uint32_t closing = 0;
     double sum[HAPTUNE_AXES] = {0.0};
     const uint32_t steps = device->axes[0].started ? period - device->axes[0].period : 1;
     device->clamped = 0;
@@ -296,17 +464,15 @@ HAPTUNE_API haptune_status haptune_axes_force(haptune_axes *device, uint64_t ele
         if ((elements & bit(place)) && !contact->entered) {
             return none(device, HAPTUNE_NOT_ENTERED);
         }
-        acting |= contact->level > 0.0 ? bit(place) : 0;
-        fading |= contact->level > 0.0 && played[place].fade < 1.0 ? bit(place) : 0;
+        if (!(walls & bit(place)) && contact->level > 0.0) {
+            acting |= bit(place);
+            fading |= played[place].fade < 1.0 ? bit(place) : 0;
+        }
     }
     for (place = 0; place < 32; place++) {
         if ((faces >> place & 1u)
-            && (place >= HAPTUNE_FACES || !device->faces[place].contact.entered)) {
+            && (place >= HAPTUNE_FACES || !device->faces[place].entered)) {
             return none(device, HAPTUNE_NOT_ENTERED);
-        }
-        if (place < HAPTUNE_FACES && device->faces[place].contact.level > 0.0
-            && played[device->faces[place].element].fade < 1.0) {
-            closing |= UINT32_C(1) << place;
         }
     }
     if (!usable(gain) || gain < 0.0 || gain > 1.0) {
@@ -316,29 +482,23 @@ HAPTUNE_API haptune_status haptune_axes_force(haptune_axes *device, uint64_t ele
     if (device->status != HAPTUNE_OK) {
         return none(device, device->status);
     }
-    if (fitting(device, elements | fading, faces | closing) != HAPTUNE_OK) {
+    if (fitting(device, elements | fading, faces) != HAPTUNE_OK) {
         elements &= acting;
-        if (fitting(device, elements | fading, faces | closing) != HAPTUNE_OK) {
+        if (fitting(device, elements | fading, faces) != HAPTUNE_OK) {
             return none(device, HAPTUNE_NOT_TOGETHER);
         }
         device->status = HAPTUNE_WAITING;
     }
-    act_those(device, elements, faces, gain, steps, 1,
-        act_those(device, elements, faces, gain, steps, 0, 0));
+    act_all(device, elements, faces, gain, steps);
     for (axis = 0; axis < HAPTUNE_AXES; axis++) {
         for (place = 0; place < COUNT; place++) {
             sum[axis] += device->elements[place].force[axis];
         }
-        for (place = 0; place < HAPTUNE_FACES; place++) {
-            sum[axis] += device->faces[place].contact.force * device->faces[place].normal[axis];
-        }
     }
     for (place = 0; place < COUNT; place++) {
-        device->clamped |= at_limit(&played[place], &device->elements[place].contact);
-    }
-    for (place = 0; place < HAPTUNE_FACES; place++) {
-        device->clamped |= at_limit(
-            &played[device->faces[place].element], &device->faces[place].contact);
+        const haptune_contact *contact = &device->elements[place].contact;
+        device->clamped |= contact->force != 0.0 && played[place].stiffness > 0.0
+            && contact->force >= contact->level * played[place].force_level;
     }
     for (axis = 0; axis < HAPTUNE_AXES; axis++) {
         if (!usable(sum[axis])) {

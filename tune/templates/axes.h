@@ -4,9 +4,10 @@
  * right angles, the device's or any that is turned against it: elements are the same in every
  * direction, and a force that is cut keeps its own.
  *
- * A face is a plane at which an element pushes one way, with a normal of its own; one element may
- * have many. Faces that are given at once are parallel, or at right angles and of one element: what
- * is certified. Corners that stick out are faces given in turn; each moves while it gives no force.
+ * A face is a plane at which a wall pushes one way, with a normal of its own. All faces of a wall
+ * that are given at once leave one convex room, whatever its angles: the wall pushes back to the
+ * nearest place in it. Faces of several walls are parallel: what is certified. Corners that stick
+ * out are faces given in turn; each moves while it gives no force.
  *
  *   haptune_axes_init(&device);
  *   haptune_axes_enter(&device, FLUID);                      once for each element that is no wall
@@ -15,7 +16,6 @@
  */
 #define HAPTUNE_AXES ${axis_count}
 #define HAPTUNE_FACES 16 /* that one state holds; sets of them are joined by |, 1 << place */
-#define HAPTUNE_NOT_SQUARE ((haptune_status)12) /* faces neither parallel nor at right angles */
 #define haptune_axes_init haptune_axes_init_${word}
 #define haptune_axes_enter haptune_axes_enter_${word}
 #define haptune_axes_place haptune_axes_place_${word}
@@ -30,7 +30,9 @@ typedef struct {
 typedef struct {
     unsigned element;            /* place of its effects */
     double normal[HAPTUNE_AXES]; /* of length 1, towards where it pushes */
-    haptune_contact contact;     /* along the normal */
+    double offset, rest;         /* where it is to stand, and where it does */
+    int entered, acting, pushing;
+    uint32_t clear; /* samples in a row without force where it is to stand */
 } haptune_face;
 
 /* One for each device and loop; written by the functions below alone. */
@@ -52,7 +54,7 @@ HAPTUNE_API haptune_status haptune_axes_enter(haptune_axes *device, uint64_t ele
 
 /*
  * Where a face stands: free space is where the product of normal and position is offset (${length})
- * or more. element is one wall. HAPTUNE_PUSHING, HAPTUNE_TOO_NARROW, HAPTUNE_NOT_SQUARE and
+ * or more. element is one wall. HAPTUNE_PUSHING, HAPTUNE_TOO_NARROW (no room is left) and
  * HAPTUNE_NOT_TOGETHER leave all as it was; after HAPTUNE_NO_SIDE (the length of the normal is not
  * 1) and HAPTUNE_NOT_FINITE the face has no place.
  */

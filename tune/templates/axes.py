@@ -6,35 +6,44 @@
     force = law.force(["water"], ["left"], period, position)
 
 Positions and forces are lists in one frame with right angles, the device's or any turned against
-it: elements are the same in every direction, and a force that is cut keeps its own. Faces that are
-given at once are parallel, or at right angles and of one wall.
+it: elements are the same in every direction, and a force that is cut keeps its own. All faces of a
+wall that are given at once leave one convex room; those of several walls are parallel.
 """
 
 from __future__ import annotations
 
 import copy
-import dataclasses
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from haptune_law import _WRAP, PROFILE, Axis, Element, Law, Status, _usable
+from haptune_law import _WRAP, PROFILE, Element, Law, Status, _usable
 
 if PROFILE != "${digest}":
     raise ImportError(f"haptune_law.py is of another profile, {PROFILE}: export both again")
 
-#: Of a sum of squares to 1, and of a product of normals to 0 or 1.
+#: Of a sum of squares to 1, and of a product of normals to -1 or 1.
 _ROUNDING = 1e-9
+#: By less than this part of all that it is made of nothing is beyond a face.
+_SMALL = 1e-12
 
 
 @dataclass
 class Face:
-    """A plane at which a wall pushes along its normal, of length 1; ``wall`` is its own contact."""
+    """A plane at which a wall pushes along its normal, of length 1.
 
-    name: str
+    It is to stand at ``offset`` and does at ``rest``; ``clear`` counts samples in a row without
+    force where it is to stand.
+    """
+
+    wall: str
     normal: list[float]
-    wall: Element
+    offset: float
+    rest: float
+    acting: bool = False
+    pushing: bool = False
+    clear: int = 0
 
 
 class LawOfAxes:
@@ -77,7 +86,7 @@ class LawOfAxes:
         self.status = Status.OK
         if wall not in self.one.walls or len(normal) != len(self.names):
             self.status = Status.NOT_TOGETHER
-        elif before is not None and before.wall.force != 0.0:
+        elif before is not None and before.pushing:
             self.status = Status.PUSHING
         elif not all(map(_usable, (*normal, offset))):
             self.status = Status.NOT_FINITE
@@ -87,11 +96,8 @@ class LawOfAxes:
             self.faces.pop(face, None)
         if self.status is not Status.OK:
             return self.status
-        element = copy.copy(self.one.elements[wall])
-        element.end()
-        element.entered, element.side, element.face = True, 1, float(offset)
-        self.faces[face] = Face(wall, [float(each) for each in normal], element)
-        wanted = [name for name, each in self.faces.items() if each.wall.wanted]
+        self.faces[face] = Face(wall, list(map(float, normal)), float(offset), float(offset))
+        wanted = [name for name, each in self.faces.items() if each.acting]
         self.status = self._fitting((), {*wanted, face})
         if self.status is not Status.OK:
             del self.faces[face]
@@ -118,25 +124,20 @@ class LawOfAxes:
         fault = self._fault(wanted, planes, gain)
         if fault is not Status.OK:
             return self._none(fault)
-        acting = {name for name, each in self.one.elements.items() if each.level > 0.0}
+        levels = {name: each.level for name, each in self.one.elements.items()}
+        acting = {name for name in levels.keys() - self.one.walls if levels[name] > 0.0}
         fading = {name for name in acting if self.one.elements[name].fade < 1.0}
-        closing = {
-            name for name, each in self.faces.items() if each.wall.level > 0 and each.wall.fade < 1
-        }
-        if self._fitting(wanted | fading, planes | closing) is not Status.OK:
+        if self._fitting(wanted | fading, planes) is not Status.OK:
             wanted &= acting
-            if self._fitting(wanted | fading, planes | closing) is not Status.OK:
+            if self._fitting(wanted | fading, planes) is not Status.OK:
                 return self._none(Status.NOT_TOGETHER)
             self.status = Status.WAITING
         self._act(wanted, planes, gain, steps)
-        parts = [*self.forces.values()]
-        parts += [[each.wall.force * part for part in each.normal] for each in self.faces.values()]
-        total = [math.fsum(sums) for sums in zip(*parts, strict=True)]
+        total = [math.fsum(sums) for sums in zip(*self.forces.values(), strict=True)]
         if not all(map(_usable, total)):
             return self._none(Status.NOT_FINITE)
-        played = [*self.one.elements.values(), *(each.wall for each in self.faces.values())]
         over = math.sqrt(_product(total, total)) > self.one.peak
-        self.clamped = over or any(each.at_limit for each in played)
+        self.clamped = over or any(each.at_limit for each in self.one.elements.values())
         self.last_force, _ = _shortened(total, self.one.peak)
         return list(self.last_force)
 
@@ -149,36 +150,72 @@ class LawOfAxes:
         return self._none(Status.LATE)
 
     def _act(self, wanted: set[str], planes: set[str], gain: float, steps: int) -> None:
-        taps, pushing = self.one.taps, False
-        for fades in (False, True):  # what fades stands still while a wall pushes
-            for name, face in self.faces.items():
-                if (face.wall.fade < 1.0) == fades:
-                    change = 0.0 if pushing else face.wall.fade * steps
-                    asked = gain if name in planes else 0.0
-                    axis = _Along(self.axes, face.normal)
-                    face.wall.act(axis, asked=asked, change=change, taps=taps)
-                    pushing = pushing or face.wall.force != 0.0
-            for name, each in self.one.elements.items():
-                if name not in self.one.walls and (each.fade < 1.0) == fades:
-                    change = 0.0 if pushing else each.fade * steps
-                    self._act_all(name, each, gain if name in wanted else 0.0, change)
+        """All go on by a reading: walls, what else is switched, and then what fades."""
+        pushing = False
+        order = sorted(
+            self.one.elements.items(),
+            key=lambda pair: (pair[0] not in self.one.walls, pair[1].fade < 1.0),
+        )
+        for name, each in order:
+            own = {face for face in planes if gain > 0.0 and self.faces[face].wall == name}
+            asked = gain if own or name in wanted else 0.0
+            self._act_on(name, each, own, asked, 0.0 if pushing else each.fade * steps)
+            pushing = pushing or (name in self.one.walls and each.force != 0.0)
 
-    def _act_all(self, name: str, each: Element, asked: float, change: float) -> None:
-        """One element that is the same in every direction."""
+    def _act_on(
+        self, name: str, each: Element, faces: set[str], asked: float, change: float
+    ) -> None:
+        """One element that is the same in every direction, or a wall at a set of its faces."""
         enters = asked > 0.0 and not each.wanted and each.level == 0.0
+        wall = name in self.one.walls
         if enters and each.spring:
-            self.rests[name] = [axis.last for axis in self.axes]
+            self.rests[name] = [0.0 if wall else axis.last for axis in self.axes]
             each.quiet = 0
         u = [
             (each.stiffness * (axis.last - rest) + each.damping * axis.velocity.now)
             + each.mass * axis.acceleration.now
             for axis, rest in zip(self.axes, self.rests[name], strict=True)
         ]
+        if wall:
+            free = self._left_free(name, each.stiffness, faces, u)
+            u = [part - there for part, there in zip(u, free, strict=True)]
         u, length = _shortened(u, each.force_level if each.spring else math.inf)
         each.quiet = min(each.quiet + 1, self.one.taps) if length == 0.0 else 0
         each.turn(may_rise=enters or each.quiet >= self.one.taps, asked=asked, change=change)
         each.force = each.level * length
         self.forces[name] = [-(each.level * part) if each.level > 0.0 else 0.0 for part in u]
+
+    def _left_free(
+        self, wall: str, stiffness: float, faces: set[str], u: list[float]
+    ) -> list[float]:
+        """The place nearest to u in the room of a wall's faces, times its stiffness.
+
+        New faces come without more force: where the device is behind one, or where what pushes
+        leaves it, it rests there, until it has given no force where it is to stand for some time.
+        """
+        for name, face in self.faces.items():
+            if face.wall == wall:
+                face.acting, face.pushing = face.acting and name in faces, False
+        chosen = [face for name, face in self.faces.items() if name in faces]
+        before = [face for face in chosen if face.acting]
+        free = _project(before, [stiffness * each.rest for each in before], u)
+        fresh = [face for face in chosen if not face.acting]
+        for face in fresh:
+            there = _product(face.normal, [axis.last for axis in self.axes])
+            face.rest = min(there, face.offset)
+            if free != u:
+                face.rest = min(face.rest, _product(face.normal, free) / stiffness)
+            face.acting, face.clear = True, 0
+        if fresh:
+            free = _project(chosen, [stiffness * each.rest for each in chosen], u)
+        least = math.sqrt(_product(u, u))
+        for face in chosen:
+            there, limit = _product(face.normal, free), stiffness * face.rest
+            clear = there >= stiffness * face.offset
+            face.clear = min(face.clear + 1, self.one.taps) if clear else 0
+            face.rest = face.offset if face.clear >= self.one.taps else face.rest
+            face.pushing = free != u and there - limit <= _SMALL * (least + abs(limit))
+        return free
 
     def _read(self, steps: int, period: int, position: Sequence[float]) -> Status:
         """Use the readings of all axes; where it is not OK, none was used for any force."""
@@ -215,51 +252,118 @@ class LawOfAxes:
         return self._fitting(wanted, planes) if 0.0 <= gain <= 1.0 else Status.BAD_GAIN
 
     def _fitting(self, elements: Collection[str], planes: Collection[str]) -> Status:
-        """Whether faces and elements may act at once."""
+        """Whether faces and elements may act at once: walls along one line, each with some room."""
         if not self.one.certified(elements):
             return Status.NOT_TOGETHER
-        chosen = [self.faces[name] for name in sorted(planes)]
+        chosen = [face for name, face in self.faces.items() if name in planes]
         for here in chosen:
-            ahead = {*elements, here.name}
+            ahead = {*elements, here.wall}
             for there in chosen:
                 turned = _product(here.normal, there.normal)
-                if there is here:
+                if there.wall == here.wall:
                     continue
-                if abs(turned) <= _ROUNDING or turned >= 1.0 - _ROUNDING:
-                    # Two laws at right angles, or one law twice.
-                    if (turned > 0.5) == (here.name == there.name):
-                        return Status.NOT_TOGETHER
-                    ahead |= {there.name} if turned > 0.5 else set()
+                if turned >= 1.0 - _ROUNDING:
+                    ahead.add(there.wall)
                 elif turned > _ROUNDING - 1.0:
-                    return Status.NOT_SQUARE
-                else:
-                    opposite = dataclasses.replace(there.wall, face=-there.wall.face, side=-1)
-                    if here.wall.crowds(here.wall.face, 1, opposite):
-                        return Status.TOO_NARROW
+                    return Status.NOT_TOGETHER
+                elif self._crowds(here, there):
+                    return Status.TOO_NARROW
             if not self.one.certified(ahead):
                 return Status.NOT_TOGETHER
+            own = [face for face in chosen if face.wall == here.wall]
+            nowhere = [0.0] * len(self.names)
+            if own[0] is here and not _project(own, [each.offset for each in own], nowhere):
+                return Status.TOO_NARROW
         return Status.OK
 
+    def _crowds(self, here: Face, there: Face) -> bool:
+        """Whether faces of two walls that push towards each other leave too little room."""
+        one, other = (copy.copy(self.one.elements[face.wall]) for face in (here, there))
+        other.side, other.face = -1, -there.offset
+        return one.crowds(here.offset, 1, other)
+
     def _none(self, reason: Status) -> list[float]:
-        for each in (*self.one.elements.values(), *(face.wall for face in self.faces.values())):
+        for each in self.one.elements.values():
             each.wanted, each.level, each.force = False, 0.0, 0.0
+        for face in self.faces.values():
+            face.acting = face.pushing = False
         self.forces = {name: [0.0] * len(self.names) for name in self.one.elements}
         self.status, self.last_force = reason, [0.0] * len(self.names)
         return list(self.last_force)
 
 
-@dataclass
-class _Value:
-    now: float
+def _project(faces: Sequence[Face], limits: Sequence[float], start: Sequence[float]) -> list[float]:
+    """The nearest point that is within limits along the normals of faces; [] where there is none.
+
+    The dual active set method of Goldfarb and Idnani, Mathematical
+    Programming 27, 1983.
+    """
+    point, pushes = list(start), [0.0] * len(faces)
+    held: list[int] = []
+    following: int | None = None
+    size = math.sqrt(_product(start, start))
+    for _ in range(8 * 16):
+        if following is None:
+            beyond = [
+                0.0 if place in held else limits[place] - _product(face.normal, point)
+                for place, face in enumerate(faces)
+            ]
+            least = [_SMALL * (size + abs(limit)) for limit in limits]
+            found = [place for place, far in enumerate(beyond) if far > least[place]]
+            if not found:
+                return point
+            following = max(found, key=beyond.__getitem__)
+        normal = faces[following].normal
+        square, parts = _beside([faces[place].normal for place in held], normal)
+        step, dropped = math.inf, -1
+        for place, part in enumerate(parts):
+            if part > 0.0 and pushes[held[place]] < step * part:
+                step, dropped = pushes[held[place]] / part, place
+        if len(held) < len(start) and square > _SMALL:
+            whole = (limits[following] - _product(normal, point)) / square
+            if whole <= step:
+                step, dropped = whole, -1
+        elif dropped < 0:
+            return []
+        for place, part in zip(held, parts, strict=True):
+            pushes[place] -= step * part
+        pushes[following] += step
+        if dropped < 0:
+            held.append(following)
+            following = None
+        else:
+            pushes[held[dropped]] = 0.0
+            held[dropped] = held[-1]
+            held.pop()
+        moved = [(push, face.normal) for push, face in zip(pushes, faces, strict=True) if push]
+        point = [
+            part + math.fsum(push * normal[axis] for push, normal in moved)
+            for axis, part in enumerate(start)
+        ]
+    return point
 
 
-class _Along:
-    """Position, velocity and acceleration along a normal."""
-
-    def __init__(self, axes: Sequence[Axis], normal: Sequence[float]) -> None:
-        self.last = _product(normal, [axis.last for axis in axes])
-        self.velocity = _Value(_product(normal, [axis.velocity.now for axis in axes]))
-        self.acceleration = _Value(_product(normal, [axis.acceleration.now for axis in axes]))
+def _beside(
+    normals: Sequence[Sequence[float]], vector: Sequence[float]
+) -> tuple[float, list[float]]:
+    """Of what is left of a vector beside independent normals the square, and the part of each."""
+    left, basis = list(vector), list[list[float]]()
+    upper, parts = list[list[float]](), list[float]()
+    for normal in normals:
+        rest, row = list(normal), list[float]()
+        for each in basis:
+            row.append(_product(each, rest))
+            rest = [a - row[-1] * b for a, b in zip(rest, each, strict=True)]
+        row.append(math.sqrt(_product(rest, rest)))
+        basis.append([part / row[-1] for part in rest])
+        upper.append(row)
+        parts.append(_product(basis[-1], left))
+        left = [a - parts[-1] * b for a, b in zip(left, basis[-1], strict=True)]
+    for one in reversed(range(len(parts))):
+        for other in range(one + 1, len(parts)):
+            parts[one] -= upper[other][one] * parts[other]
+        parts[one] /= upper[one][one]
+    return _product(left, left), parts
 
 
 def _product(one: Sequence[float], other: Sequence[float]) -> float:

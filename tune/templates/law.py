@@ -39,7 +39,6 @@ class Status(enum.Enum):
     LATE = "more periods missed than are certified: reset to go on"
     PUSHING = "from a reset, which did nothing: a spring gives force"
     TOO_NARROW = "walls that push towards each other overlap, or their dampers do"
-    NOT_SQUARE = "faces of several axes neither parallel nor at right angles"
 
 
 @dataclass

@@ -708,7 +708,7 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_several_axes.py -k 'guard or face or cut or fades or line or laws or room'",
         ("the length of a spring's force", "if (!(length > most)) {", "if (length == length) {"),
         ("the peak of all axes", "    shortened(sum, peak_force);", ""),
-        ("two laws at right angles", "} else if (turned > ROUNDING - 1.0) {", "} else if (0) {"),
+        ("two laws at an angle", "} else if (turned > ROUNDING - 1.0) {", "} else if (0) {"),
         ("a room without a place", "&& !project(", "&& 0 && !project("),
         ("a face left for another", "pushes[held[place]] < step * parts[place]", "0"),
         ("a face that comes while its wall pushes", "if (pushing && product(", "if (0 && product("),
@@ -725,6 +725,12 @@ FAULTS: tuple[Fault, ...] = (
             "        if (!certified(ahead)) {",
             "        if (0) {",
         ),
+    ),
+    *_of(
+        "tune/templates/axes.py",
+        "tests/test_several_axes.py -k 'guard or angle'",
+        ("two laws of axes at an angle", "elif turned > _ROUNDING - 1.0:", "elif False:"),
+        ("a room of axes without a place", "if own[0] is here and", "if own[0] is None and"),
     ),
     *_of(
         "identification/device/device.py",

@@ -216,7 +216,7 @@ static haptune_status fitting(const haptune_axes *device, uint64_t elements, uin
         if (!certified(ahead)) {
             return HAPTUNE_NOT_TOGETHER;
         }
-        /* Asked once, of the first face of each wall. */
+        /* Asked once for each wall, at its last face. */
         if (own < UINT32_C(2) << one && !project(device, own, limits, point)) {
             return HAPTUNE_TOO_NARROW;
         }

@@ -43,9 +43,8 @@ from tune.documents.scene import EFFECT_NAMES, UNITS, EffectName
 
 #: How much more the search does where a proof was not found.
 _THOROUGH = 8
-#: Cells looked at for one combination before it counts as not proved. With a fifth of margin to
-#: spare a plain device takes a hundred, on the edge some thousands; a hand and modes take ten times
-#: more. A mode adds so many times as much.
+#: Cells of one combination before it counts as not proved, and how many times as many for a mode.
+#: With a fifth of margin to spare a plain device takes a hundred, on the edge some thousands.
 MOST_CELLS, _OF_A_MODE = 200_000, 4
 #: Samples of delay, margins included, that are looked at.
 _LONGEST_DELAY = 64
@@ -533,11 +532,12 @@ def certify(
         _judge_combinations(design, played, region, most, clamped, covered) for region in regions
     ]
     outcomes, cells, spent = list(zip(*judged, strict=True)), 0, False
+    in_vain = most_cells is not None and not all(each.proved for one in judged for each in one)
     for (combination, setting), found in zip(played, outcomes, strict=True):
         failures += force_failures(design, combination)
         failures += [words for each in found for words in each.failures]
-        if not all(each.proved for each in found):
-            # Ripple, passivity and what is felt have no numbers where the loop may be unstable.
+        if in_vain or not all(each.proved for each in found):
+            # What may be unstable has no ripple; where less is asked for next no clamp is proved.
             continue
         try:
             cells += judge_levels(design, combination, regions, most)

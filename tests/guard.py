@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import shutil
 import subprocess
 import sys
@@ -256,6 +257,19 @@ class GuardOfAxes:
             missed=missed,
             glitches=glitches,
         )
+
+
+def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
+    """An exported Python file as a module, found by others of its folder by its name."""
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    patch.setitem(sys.modules, name, module)
+    # Python would take what it compiled of a file as long as this for one of the same second.
+    patch.setattr(sys, "dont_write_bytecode", True)
+    spec.loader.exec_module(module)
+    return module
 
 
 class InPython:

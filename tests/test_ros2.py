@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import random
 import signal
@@ -20,21 +19,8 @@ import pytest
 
 from tests.commands import haptune
 from tests.exported import LOOPS, STEP, on_axes, tuned, walled
-from tests.guard import STATUS, Guard, built, enter, parameters_of, push, write
+from tests.guard import STATUS, Guard, built, enter, module_of, parameters_of, push, write
 from tune import SafeProfile, export
-
-
-def module_of(folder: Path, name: str, patch: pytest.MonkeyPatch) -> Any:
-    """An exported Python file as a module, found by others of its folder by its name."""
-    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    patch.setitem(sys.modules, name, module)
-    # Python would take what it compiled of a file as long as this for one of the same second.
-    patch.setattr(sys, "dont_write_bytecode", True)
-    spec.loader.exec_module(module)
-    return module
 
 
 class Middleware:

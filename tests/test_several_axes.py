@@ -6,11 +6,9 @@ of the loop of all axes at once in a state space of this file's own.
 
 from __future__ import annotations
 
-import importlib
 import itertools
 import json
 import shutil
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -36,7 +34,17 @@ from identification import (
 )
 from tests.commands import haptune
 from tests.exported import on_axes
-from tests.guard import STATUS, Guard, GuardOfAxes, built, enter, parameters_of, push, write
+from tests.guard import (
+    STATUS,
+    Guard,
+    GuardOfAxes,
+    built,
+    enter,
+    module_of,
+    parameters_of,
+    push,
+    write,
+)
 from tests.planar import (
     DAMPING,
     FRICTION,
@@ -741,10 +749,8 @@ def law_of_axes(profile: SafeProfile, folder: Path) -> Any:
     files = export(profile, "ros2")
     write(files, folder)
     with pytest.MonkeyPatch.context() as patched:
-        patched.syspath_prepend(folder)
-        for name in ("haptune_law", "haptune_axes"):
-            patched.delitem(sys.modules, name, raising=False)
-        module = importlib.import_module("haptune_axes")
+        module_of(folder, "haptune_law", patched)
+        module = module_of(folder, "haptune_axes", patched)
     return module.LawOfAxes(parameters_of(files["haptune_params.yaml"]))
 
 

@@ -532,7 +532,8 @@ def certify(
         _judge_combinations(design, played, region, most, clamped, covered) for region in regions
     ]
     outcomes, cells, spent = list(zip(*judged, strict=True)), 0, False
-    in_vain = most_cells is not None and not all(each.proved for one in judged for each in one)
+    every = [each for found in outcomes for each in found]
+    in_vain = most_cells is not None and not all(each.proved for each in every)
     for (combination, setting), found in zip(played, outcomes, strict=True):
         failures += force_failures(design, combination)
         failures += [words for each in found for words in each.failures]
@@ -557,7 +558,6 @@ def certify(
         failures += passivity_failures(design, combination, setting, bare)
         if len(combination) == 1:
             failures += rendering_failures(design, combination[0], setting)
-    every = [each for found in outcomes for each in found]
     if failures:
         points = tuple(point for each in every for point in each.unstable)
         unproved = tuple(names for names, _ in played if " + ".join(names) not in interior)

@@ -14,6 +14,15 @@ static double product(const double one[HAPTUNE_AXES], const double other[HAPTUNE
     return sum;
 }
 
+/* Adds so many times a vector to another. */
+static void add(double to[HAPTUNE_AXES], double times, const double vector[HAPTUNE_AXES])
+{
+    unsigned axis;
+    for (axis = 0; axis < HAPTUNE_AXES; axis++) {
+        to[axis] += times * vector[axis];
+    }
+}
+
 /* Shortens a vector to a length, and gives the length it has then. */
 static double shortened(double vector[HAPTUNE_AXES], double most)
 {
@@ -38,18 +47,14 @@ static double beside(const haptune_face faces[HAPTUNE_FACES], const unsigned hel
         memcpy(basis[one], faces[held[one]].normal, sizeof basis[one]);
         for (other = 0; other < one; other++) {
             upper[other][one] = product(basis[other], basis[one]);
-            for (axis = 0; axis < HAPTUNE_AXES; axis++) {
-                basis[one][axis] -= upper[other][one] * basis[other][axis];
-            }
+            add(basis[one], -upper[other][one], basis[other]);
         }
         upper[one][one] = sqrt(product(basis[one], basis[one]));
         for (axis = 0; axis < HAPTUNE_AXES; axis++) {
             basis[one][axis] /= upper[one][one];
         }
         parts[one] = product(basis[one], vector);
-        for (axis = 0; axis < HAPTUNE_AXES; axis++) {
-            vector[axis] -= parts[one] * basis[one][axis];
-        }
+        add(vector, -parts[one], basis[one]);
     }
     for (one = count; one-- > 0;) {
         for (other = one + 1; other < count; other++) {
@@ -86,7 +91,7 @@ static int project(const haptune_axes *device, uint32_t faces, const double limi
     double point[HAPTUNE_AXES])
 {
     double pushes[HAPTUNE_FACES] = {0.0}, start[HAPTUNE_AXES], left[HAPTUNE_AXES], parts[HAPTUNE_AXES];
-    unsigned held[HAPTUNE_AXES], count = 0, tries, place, axis, next = HAPTUNE_FACES;
+    unsigned held[HAPTUNE_AXES], count = 0, tries, place, next = HAPTUNE_FACES;
     memcpy(start, point, sizeof start);
     for (tries = 0; tries < 8 * HAPTUNE_FACES; tries++) {
         unsigned dropped = count;
@@ -130,8 +135,8 @@ static int project(const haptune_axes *device, uint32_t faces, const double limi
         }
         memcpy(point, start, sizeof start);
         for (place = 0; place < HAPTUNE_FACES; place++) {
-            for (axis = 0; axis < HAPTUNE_AXES && pushes[place] != 0.0; axis++) {
-                point[axis] += pushes[place] * device->faces[place].normal[axis];
+            if (pushes[place] != 0.0) {
+                add(point, pushes[place], device->faces[place].normal);
             }
         }
     }
@@ -248,7 +253,7 @@ static haptune_status none(haptune_axes *device, haptune_status reason)
  */
 static void leave_room(haptune_axes *device, unsigned wall, uint32_t faces, double u[HAPTUNE_AXES])
 {
-    const double stiffness = played[wall].stiffness;
+    const double stiffness = played[wall].stiffness, size = sqrt(product(u, u));
     double limits[HAPTUNE_FACES], free[HAPTUNE_AXES];
     uint32_t before = 0, fresh;
     unsigned place, axis;
@@ -294,13 +299,11 @@ static void leave_room(haptune_axes *device, unsigned wall, uint32_t faces, doub
             const double there = product(face->normal, free);
             face->clear = counted(face->clear, there >= stiffness * face->offset);
             face->rest = face->clear >= HAPTUNE_TAPS ? face->offset : face->rest;
-            face->pushing = pushing && there - limits[place] <= SMALL * fabs(limits[place])
-                + SMALL * sqrt(product(u, u));
+            face->pushing = pushing
+                && there - limits[place] <= SMALL * (size + fabs(limits[place]));
         }
     }
-    for (axis = 0; axis < HAPTUNE_AXES; axis++) {
-        u[axis] -= free[axis];
-    }
+    add(u, -1.0, free);
 }
 
 /* As act, of an element that is the same in every direction, or of a wall at a set of its faces. */
@@ -360,8 +363,8 @@ static void act_all(
     for (part = 0; part < 3; part++) {
         for (place = 0; place < COUNT; place++) {
             const int wall = (walls & bit(place)) != 0;
-            const uint32_t own = wall && gain > 0.0 ? faces_of(device, place, faces) : 0;
             if (part == (wall ? 0u : played[place].fade < 1.0 ? 2u : 1u)) {
+                const uint32_t own = wall && gain > 0.0 ? faces_of(device, place, faces) : 0;
                 act_on(device, place, own, own || (elements & bit(place)) ? gain : 0.0,
                     pushing ? 0.0 : played[place].fade * steps);
                 pushing |= wall && device->elements[place].contact.force != 0.0;
@@ -482,7 +485,7 @@ HAPTUNE_API haptune_status haptune_axes_force(haptune_axes *device, uint64_t ele
     if (device->status != HAPTUNE_OK) {
         return none(device, device->status);
     }
-    if (fitting(device, elements | fading, faces) != HAPTUNE_OK) {
+    if ((fading & ~elements) && fitting(device, elements | fading, faces) != HAPTUNE_OK) {
         elements &= acting;
         if (fitting(device, elements | fading, faces) != HAPTUNE_OK) {
             return none(device, HAPTUNE_NOT_TOGETHER);
@@ -490,13 +493,9 @@ HAPTUNE_API haptune_status haptune_axes_force(haptune_axes *device, uint64_t ele
         device->status = HAPTUNE_WAITING;
     }
     act_all(device, elements, faces, gain, steps);
-    for (axis = 0; axis < HAPTUNE_AXES; axis++) {
-        for (place = 0; place < COUNT; place++) {
-            sum[axis] += device->elements[place].force[axis];
-        }
-    }
     for (place = 0; place < COUNT; place++) {
         const haptune_contact *contact = &device->elements[place].contact;
+        add(sum, 1.0, device->elements[place].force);
         device->clamped |= contact->force != 0.0 && played[place].stiffness > 0.0
             && contact->force >= contact->level * played[place].force_level;
     }

@@ -27,6 +27,8 @@ if PROFILE != "${digest}":
 _ROUNDING = 1e-9
 #: By less than this part of all that it is made of nothing is beyond a face.
 _SMALL = 1e-12
+#: Faces that are taken up or left on the way to the nearest point.
+_MOST_TRIES = 128
 
 
 @dataclass
@@ -124,10 +126,10 @@ class LawOfAxes:
         fault = self._fault(wanted, planes, gain)
         if fault is not Status.OK:
             return self._none(fault)
-        levels = {name: each.level for name, each in self.one.elements.items()}
-        acting = {name for name in levels.keys() - self.one.walls if levels[name] > 0.0}
+        others = self.one.elements.keys() - self.one.walls
+        acting = {name for name in others if self.one.elements[name].level > 0.0}
         fading = {name for name in acting if self.one.elements[name].fade < 1.0}
-        if self._fitting(wanted | fading, planes) is not Status.OK:
+        if fading - wanted and self._fitting(wanted | fading, planes) is not Status.OK:
             wanted &= acting
             if self._fitting(wanted | fading, planes) is not Status.OK:
                 return self._none(Status.NOT_TOGETHER)
@@ -208,13 +210,13 @@ class LawOfAxes:
             face.acting, face.clear = True, 0
         if fresh:
             free = _project(chosen, [stiffness * each.rest for each in chosen], u)
-        least = math.sqrt(_product(u, u))
+        size = math.sqrt(_product(u, u))
         for face in chosen:
             there, limit = _product(face.normal, free), stiffness * face.rest
             clear = there >= stiffness * face.offset
             face.clear = min(face.clear + 1, self.one.taps) if clear else 0
             face.rest = face.offset if face.clear >= self.one.taps else face.rest
-            face.pushing = free != u and there - limit <= _SMALL * (least + abs(limit))
+            face.pushing = free != u and there - limit <= _SMALL * (size + abs(limit))
         return free
 
     def _read(self, steps: int, period: int, position: Sequence[float]) -> Status:
@@ -278,9 +280,9 @@ class LawOfAxes:
 
     def _crowds(self, here: Face, there: Face) -> bool:
         """Whether faces of two walls that push towards each other leave too little room."""
-        one, other = (copy.copy(self.one.elements[face.wall]) for face in (here, there))
+        other = copy.copy(self.one.elements[there.wall])
         other.side, other.face = -1, -there.offset
-        return one.crowds(here.offset, 1, other)
+        return self.one.elements[here.wall].crowds(here.offset, 1, other)
 
     def _none(self, reason: Status) -> list[float]:
         for each in self.one.elements.values():
@@ -295,14 +297,13 @@ class LawOfAxes:
 def _project(faces: Sequence[Face], limits: Sequence[float], start: Sequence[float]) -> list[float]:
     """The nearest point that is within limits along the normals of faces; [] where there is none.
 
-    The dual active set method of Goldfarb and Idnani, Mathematical
-    Programming 27, 1983.
+    The dual active set method of Goldfarb and Idnani, Mathematical Programming 27, 1983.
     """
     point, pushes = list(start), [0.0] * len(faces)
     held: list[int] = []
     following: int | None = None
     size = math.sqrt(_product(start, start))
-    for _ in range(8 * 16):
+    for _ in range(_MOST_TRIES):
         if following is None:
             beyond = [
                 0.0 if place in held else limits[place] - _product(face.normal, point)

@@ -60,6 +60,23 @@ def test_a_spring_that_takes_too_much_damping_away_is_as_stiff_as_the_stiffest()
     assert "with 3000 N/m a hand would feel -4.5 to -4.5 N·s/m of damping" in note
 
 
+@pytest.mark.parametrize(
+    "spring",
+    [{"stiffness": "max"}, {"stiffness": "max", "one_sided": True}, {"stiffness": 9000.0}],
+    ids=lambda spring: " ".join(map(str, spring.values())),
+)
+def test_a_spring_that_only_the_device_holds_is_told_to_ask_for_damping_which_helps(
+    spring: dict[str, Any],
+) -> None:
+    alone = _tuned({"it": spring})
+    (note,) = alone.notes
+    assert f"{alone.elements['it'].stiffness:.4g} N/m" in note
+    assert re.search("or for damping|Ask for damping in the same element", note)
+    beside = _tuned({"it": spring | {"damping": "max"}})
+    assert beside.elements["it"].stiffness > 2 * alone.elements["it"].stiffness
+    assert not any("Ask for damping" in each for each in beside.notes)
+
+
 @pytest.mark.parametrize("effect", ["stiffness", "damping", "mass"])
 @pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
 def test_no_wish_is_granted_above_the_largest(device: str, effect: str) -> None:

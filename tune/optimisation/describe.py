@@ -83,6 +83,9 @@ _DIGIT = 0.01
 
 #: Part of a wanted value from which on it is met: written values have six digits.
 _MET = 1 - 1e-5
+#: What bounds a spring that only the device's own damping holds, and what else would hold it.
+_HELD = ("gain-margin", "delay-margin", "stability", "saturation", "rendering")
+_DAMPED = "damping in the same element, which holds a stiffer spring"
 
 
 class SizedCombination(NamedTuple):
@@ -487,30 +490,47 @@ def with_what_is_felt(
         # A spring is dropped for its force or for stability.
         felt = "" if effect == "stiffness" else _felt_instead(task, filters, name, effect, {})
         told[label] = f"{why}{felt}. {_remedy(effect, 'less of it')}" if felt else why
+        if effect == "stiffness" and why.endswith(_HELD) and _undamped(task, name):
+            told[label] = f"{why}. Ask for {_DAMPED}"
     return told
 
 
 def notes_of_unmet(
     task: DesignTask, filters: Filters, elements: Mapping[str, ElementProfile]
 ) -> Iterator[str]:
-    """A note about each wanted value of which less is played, with numbers and a remedy."""
+    """A note about each wanted value of which less is played, with numbers and a remedy.
+
+    And about the largest stiffness where damping beside it would let it be larger.
+    """
     units = UNITS[task.device.motion]
     for name, element in elements.items():
         played: dict[EffectName, float] = {each: getattr(element, each) for each in EFFECT_NAMES}
         for effect, wish in task.scene.elements[name].wishes().items():
             size, asked = played[effect], wish.high or 0.0
-            met = abs(size) >= _MET * abs(asked) or element.limited_by.get(effect) == "wanted"
-            if wish.kind != "value" or not size or met:
+            if not size:
                 continue
-            most = f"{format_number(size)} {units[effect]}"
+            most, about = f"{format_number(size)} {units[effect]}", f"{name}.{effect}"
             why, felt = element.limited_by[effect], ""
+            undamped = effect == "stiffness" and why in _HELD and _undamped(task, name)
+            if wish.kind == "max" and undamped:
+                alone = f"{most} is the most without damping beside it, limited by {why}"
+                yield f"{note_of_unmet(about)}{alone}. Ask for {_DAMPED}"
+            met = abs(size) >= _MET * abs(asked) or why == "wanted"
+            if wish.kind != "value" or met:
+                continue
             if why == "rendering":
                 felt = _felt_instead(task, filters, name, effect, played)
+            remedy = f"Ask for at most {most}" + f", or for {_DAMPED}" * undamped
             yield (
-                f"{note_of_unmet(f'{name}.{effect}')}{format_number(asked)} {units[effect]} is "
+                f"{note_of_unmet(about)}{format_number(asked)} {units[effect]} is "
                 f"asked for, {most} is played, limited by {why}{felt}. "
-                + (_remedy(effect, f"at most {most}") if felt else f"Ask for at most {most}")
+                + (_remedy(effect, f"at most {most}") if felt else remedy)
             )
+
+
+def _undamped(task: DesignTask, name: str) -> bool:
+    """Whether no damping is asked for in an element."""
+    return "damping" not in task.scene.elements[name].wishes()
 
 
 def unmet_wishes(profile: SafeProfile, scene: Scene) -> Iterator[Finding]:

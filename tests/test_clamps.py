@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import product
 
 import numpy as np
@@ -132,12 +133,41 @@ def test_pairs_that_are_apart_are_not_proved_and_cost_nothing() -> None:
 
 
 def test_what_no_wall_can_meet_is_kept_apart_and_said_so() -> None:
-    """A block whose damper is far stronger than a wall's: two clamps of unlike signals."""
+    """Water that takes most of the damping there can be on a light device."""
+    profile = tuned("stylus", scene(water={"damping": 8.0}, wall=WALL))
+    assert profile.apart == (("water", "wall"),)
+    assert any(note.startswith("kept apart: water and wall") for note in profile.notes)
+    assert profile.elements["wall"].stiffness > STIFF["stylus"]
+
+
+def test_a_block_whose_damper_lags_far_longer_than_a_walls_is_met_with_it() -> None:
+    """Two clamps of unlike signals need a multiplier about as long as the longer B/K."""
     block = {"stiffness": "max", "damping": "max", "mass": "max"}
     profile = tuned("homerehab", scene(block=block, wall=WALL))
-    assert profile.apart == (("block", "wall"),)
-    assert any(note.startswith("kept apart: block and wall") for note in profile.notes)
+    assert not profile.apart
     assert profile.elements["wall"].stiffness > STIFF["homerehab"]
+    block_met = profile.elements["block"]
+    assert block_met.damping > 0.015 * block_met.stiffness
+
+
+@pytest.mark.parametrize(
+    ("other", "least", "softest"),
+    [({"stiffness": "max"}, 10.0, 1000.0), ({"damping": 6.0}, 6.0, 400.0)],
+    ids=["rubber", "water"],
+)
+def test_a_wall_and_what_it_meets_leave_room_for_each_other(
+    other: dict[str, object], least: float, softest: float
+) -> None:
+    """On a light device either would take all there is, and a hand in it would feel no wall."""
+    profile = tuned("stylus", scene(other=other, wall=WALL))
+    assert not profile.apart
+    met, wall = profile.elements["other"], profile.elements["wall"]
+    assert max(met.stiffness, met.damping) >= least
+    assert wall.stiffness > softest
+    alone = tuned("stylus", scene(wall=WALL)).elements["wall"].stiffness
+    found = (re.search(r"about (\S+) N/m by itself", note) for note in profile.notes)
+    told = [float(each[1]) for each in found if each]
+    assert told == ([pytest.approx(alone, rel=0.01)] if alone > 2 * wall.stiffness else [])
 
 
 @pytest.mark.parametrize(

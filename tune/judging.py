@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,15 +54,12 @@ from tune.documents.scene import (
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
 from tune.optimisation import design_of, witnesses_of
-from tune.optimisation.feasibility import forces, ripple, worst_gain
-from tune.optimisation.nash import Solution, largest_product
+from tune.optimisation.feasibility import forces, ripple, round_sizes, worst_gain
+from tune.optimisation.nash import AllFound, Solution, largest_product
 from tune.optimisation.problem import SLACK, DesignTask, Problem, may_saturate, problem_of
-from tune.optimisation.solve import backends, reasons_for_nothing, round_sizes
+from tune.optimisation.solve import backends, reasons_for_nothing
 from tune.rendering import contact, count_jump
 from tune.stability.criterion import Passivity, passivity
-
-if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
 

@@ -134,13 +134,15 @@ def excitation_of(name: str) -> str:
 
 def scene_of(name: str) -> str:
     """The template of a scene with sizes and motions that suit a known device or a device file."""
-    from tune.documents.perception import SCALE_DEPTH, default_table
+    from tune.documents.perception import SCALE_DEPTH, Scale, default_table
     from tune.documents.scene import DEFAULT_MOTION, UNITS, format_number
 
     device = ident.load_device(name)
     units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
     depth, damping = SCALE_DEPTH[device.motion], device.damping.value
     noticed = f"ripple_limit: {format_number(default_table().threshold(device.motion))}"
+    felt = Scale.of("damping", device, default_table(), motion)
+    water, cup = (float(f"{felt.value_at(float(steps), 1):.2g}") for steps in (2, 5))
     sizes = {
         "(m/s)": f"({units['speed']})",
         "how deep (m)": f"how deep ({units['length']})",
@@ -149,13 +151,16 @@ def scene_of(name: str) -> str:
         "acceleration: 2.0": f"acceleration: {motion.acceleration:.1f}",
         "ripple_limit: 0.1         # N rms": f"{'# ' + noticed:<25} # {units['force']} rms",
     }
-    for factor, written in ((1, "10.0"), (3, "30.0"), (2, "20.0")):
-        sizes[f"damping: {written}"] = f"damping: {format_number(factor * damping)}"
+    for least, written in ((max(damping, water), "10.0"), (max(3 * damping, cup), "30.0")):
+        sizes[f"damping: {written}"] = f"damping: {format_number(least)}"
     if device.force_limit is not None:
         stiffest = device.force_limit.continuous / depth
         softest = stiffest / _SOFT
         within = f"{{min: {format_number(softest)}, max: {format_number(stiffest)}}}"
         sizes["stiffness: {min: 200.0, max: 1500.0}"] = f"stiffness: {within}"
+    if water > damping:  # the device by itself holds next to no spring, nor a mass beside a wall
+        sizes["rubber: {"] = f"rubber: {{damping: {format_number(water)}, "
+        sizes["- [wall, feather]"] = "- [wall, feather]\n  - [wall, cup]"
     above, elements, below = template("scene").partition("ripple_limit:")
     below = elements + below
     for before, after in sizes.items():

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Literal, cast
+from typing import Literal, cast
 
 from identification import (
     Device,
@@ -60,14 +60,11 @@ from tune.optimisation.describe import (
     with_levels_and_contacts,
     with_what_is_felt,
 )
-from tune.optimisation.nash import SAME, Solution
+from tune.optimisation.feasibility import SAME
+from tune.optimisation.nash import AllFound, Solution
 from tune.optimisation.problem import SLACK, DesignTask
 from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import CutoffObjective, groups, keep_promises, solve, worth_of
-
-if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound
-
 
 Progress = Callable[[str], None]
 #: The task, with the pairs that had to be told apart, and the largest effects of every group.
@@ -171,7 +168,6 @@ def _cells_of(task: DesignTask) -> int:
 
 def _silent(sentence: str) -> None:
     """No report of progress."""
-    del sentence
 
 
 def _best_proved(
@@ -202,19 +198,22 @@ def _best_proved(
 def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
     """The largest effects of every group.
 
-    A wall and an element that cannot be met together at one step of each are told apart in the
-    task that is returned.
+    A wall and an element that are not proved together are told apart in the task that is returned,
+    where the element cannot leave room for the wall.
     """
     solutions: list[Solution] = []
     together = groups(task.scene)
-    for number, elements in enumerate(together, start=1):
-        say(f"tuning {', '.join(elements)} ({number} of {len(together)})")
+    while len(solutions) < len(together):
+        elements = together[len(solutions)]
+        say(f"tuning {', '.join(elements)} ({len(solutions) + 1} of {len(together)})")
         solved = solve(task, elements, filters, solutions)
-        while solved.clash is not None:
-            say(f"{' and '.join(solved.clash)} cannot be met together")
-            task = task.without(solved.clash)
-            solved = solve(task, elements, filters, solutions)
-        solutions.append(solved)
+        if solved.clash is None:
+            solutions.append(solved)
+            continue
+        wall, other = solved.clash
+        before, task = task, task.with_room_for(wall, other) or task.without(solved.clash)
+        if before.parts != task.parts:  # tuned anew from the first that has more room, or less
+            solutions = solutions[: next(n for n, each in enumerate(together) if other in each)]
     return task, solutions
 
 
@@ -372,7 +371,7 @@ def design_of(
         ),
         notes=(
             *(note_of_dropped(label) + why for label, why in dropped.items()),
-            *notes_of_unmet(task, filters, elements),
+            *notes_of_unmet(task, filters, elements, solutions),
             *(note_of_apart(pair) for pair in task.apart),
         ),
         method=methods,

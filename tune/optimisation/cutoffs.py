@@ -15,9 +15,14 @@ from identification import round_to_digits
 from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import Cutoff, EffectName, Effects
 from tune.loop.loop import Filters, used_filters
-from tune.optimisation.feasibility import largest_allowed, least_beside, least_margin_loops
+from tune.optimisation.feasibility import (
+    SAME,
+    largest_allowed,
+    least_beside,
+    least_margin_loops,
+)
 from tune.optimisation.limits import Unknown
-from tune.optimisation.nash import SAME, maximise, slack_change
+from tune.optimisation.nash import maximise, slack_change
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
 from tune.optimisation.solve import (
     CutoffObjective,

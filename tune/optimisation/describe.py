@@ -47,8 +47,7 @@ from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortes
 from tune.stability.verdict import CLOSE, safe_up_to
 
 if TYPE_CHECKING:
-    from tune.optimisation.nash import Solution
-    from tune.optimisation.saturation import AllFound
+    from tune.optimisation.nash import AllFound, Solution
 
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
@@ -86,6 +85,9 @@ _MET = 1 - 1e-5
 #: What bounds a spring that only the device's own damping holds, and what else would hold it.
 _HELD = ("gain-margin", "delay-margin", "stability", "saturation", "rendering")
 _DAMPED = "damping in the same element, which holds a stiffer spring"
+#: A wall that would be so many times as stiff by itself, and what to do about it.
+_MUCH = 2.0
+_TELL_APART = "Tell it apart (apart:) from what it need not be met with, or ask for less of that"
 
 
 class SizedCombination(NamedTuple):
@@ -496,13 +498,18 @@ def with_what_is_felt(
 
 
 def notes_of_unmet(
-    task: DesignTask, filters: Filters, elements: Mapping[str, ElementProfile]
+    task: DesignTask,
+    filters: Filters,
+    elements: Mapping[str, ElementProfile],
+    solutions: Sequence[Solution],
 ) -> Iterator[str]:
     """A note about each wanted value of which less is played, with numbers and a remedy.
 
-    And about the largest stiffness where damping beside it would let it be larger.
+    And about the largest stiffness where damping beside it would let it be larger, and that of a
+    wall where what is met beside it costs much of it.
     """
     units = UNITS[task.device.motion]
+    alone = {label: size for solved in solutions for label, size in solved.alone.items()}
     for name, element in elements.items():
         played: dict[EffectName, float] = {each: getattr(element, each) for each in EFFECT_NAMES}
         for effect, wish in task.scene.elements[name].wishes().items():
@@ -512,9 +519,14 @@ def notes_of_unmet(
             most, about = f"{format_number(size)} {units[effect]}", f"{name}.{effect}"
             why, felt = element.limited_by[effect], ""
             undamped = effect == "stiffness" and why in _HELD and _undamped(task, name)
-            if wish.kind == "max" and undamped:
-                alone = f"{most} is the most without damping beside it, limited by {why}"
-                yield f"{note_of_unmet(about)}{alone}. Ask for {_DAMPED}"
+            by_itself = alone.get(about, 0.0)
+            if wish.kind == "max" and by_itself > _MUCH * size:
+                by_itself = f"about {format_number(by_itself)} {units[effect]} by itself"
+                beside = f"{most} is the most with all that is met beside it, {by_itself}"
+                yield f"{note_of_unmet(about)}{beside}. {_TELL_APART}"
+            elif wish.kind == "max" and undamped:
+                bare = f"{most} is the most without damping beside it, limited by {why}"
+                yield f"{note_of_unmet(about)}{bare}. Ask for {_DAMPED}"
             met = abs(size) >= _MET * abs(asked) or why == "wanted"
             if wish.kind != "value" or met:
                 continue

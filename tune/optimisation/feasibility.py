@@ -11,8 +11,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import round_to_digits
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
+from tune.optimisation.limits import DIGITS
 from tune.optimisation.problem import Combination, Problem
 from tune.stability.verdict import (
     CLOSE,
@@ -26,7 +28,13 @@ from tune.stability.verdict import (
 BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 
-
+#: Sizes closer than this, relative, are one; also the disagreement of two solvers, in the logarithm
+#: of the product, that is worth recording.
+SAME = 1e-6
+#: Parts by which sizes that are a little beyond are taken back.
+_RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
+#: Effects that are rounded either way, all ways tried.
+_MOST_WAYS = 5
 #: Halvings in a search along one coordinate: 2^-50 of the range.
 _HALVINGS = 50
 #: Steps of one unknown for a step of another, along the rays: all patterns of few unknowns, one
@@ -415,3 +423,24 @@ def _rays(count: int) -> FloatArray:
         most = np.eye(count) * (_PROPORTIONS[-1] - 1) + 1
         patterns = np.concatenate([np.ones((1, count)), most, _PROPORTIONS[-1] / most])
     return patterns[patterns.min(axis=1) == 1]
+
+
+def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
+    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
+    caps = problem.high
+    met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
+        sizes >= caps * (1 - 10 * SAME)
+    )
+    # Towards nothing where that is allowed; an effect that holds another may not be smaller.
+    ways = np.array(list(product((0.0, 1.0), repeat=min(sizes.size, _MOST_WAYS))))
+    ups = np.zeros((len(ways), sizes.size))
+    ups[:, : ways.shape[1]] = ways
+    for retreat in _RETREATS:
+        units = 10.0 ** (np.floor(np.log10(sizes)) - DIGITS + 1)
+        whole = np.floor(sizes * (1 - retreat) / units) + ups
+        rounded = [[round_to_digits(float(size)) for size in row] for row in whole * units]
+        trials = np.where(met, caps, np.minimum(rounded, caps))
+        good = np.flatnonzero(feasible_points(problem, trials))
+        if good.size:
+            return trials[good[0]]
+    return sizes * (1 - SAME)

@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import round_to_digits
 from tune.documents.perception import Scale
 from tune.documents.scene import EffectName, Wish
 from tune.loop.loop import Loop
@@ -41,6 +42,8 @@ _OF_A_STEP = 0.997
 _ALIKE, _KEPT = 1.2, 2e-3
 #: Sizes over the least, in proportions of which rows are told apart for solvers.
 _DIRECTIONS = (0.0, 1.0, 16.0)
+#: Significant digits of a written effect; what is lost is 1e-5 at most.
+DIGITS = 6
 #: Newton's method ends where it moves by less, relative.
 _SAME = 1e-14
 #: Walls to begin a search with: so many, up to so many times the least stiffness, with dampers at
@@ -105,6 +108,10 @@ class Unknown:
         """The size that is perceived as so many steps, of their shape."""
         given = np.asarray(steps, dtype=np.float64)
         return self.sign * self.scale.value_at(given, self.sign)
+
+    def rounded_at(self, steps: float) -> float:
+        """The size of so many steps, to the digits that are written, at least the least kept."""
+        return max(round_to_digits(float(self.size_at(max(steps, 0.0))), DIGITS), self.low)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,7 +8,7 @@ multipliers. What the product is by another number, as a cut-off, is raised by c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
@@ -27,6 +27,7 @@ from tune.optimisation.backends import (
     program_of,
 )
 from tune.optimisation.feasibility import (
+    SAME,
     feasible_points,
     initial_points_of,
     is_feasible,
@@ -38,13 +39,11 @@ from tune.optimisation.problem import Problem
 
 if TYPE_CHECKING:
     from tune.documents.profile import AbsoluteStability
-    from tune.optimisation.saturation import AllFound
 
 FloatArray = NDArray[np.float64]
+#: Gains found, 0 for none, by the elements of combinations that must be absolutely stable.
+AllFound = Mapping[tuple[str, ...], "AbsoluteStability"]
 
-#: Sizes closer than this, relative, are one; also the disagreement of two solvers, in the logarithm
-#: of the product, that is worth recording.
-SAME = 1e-6
 #: Sizes that stay are given up by this part, so that those after them are not wedged in.
 _EASE = 3e-7
 #: What one more attempt must add to the logarithm of the product.
@@ -106,8 +105,8 @@ class Solution:
         unrounded: sizes as they were found; empty where nothing was looked for.
         absolute: gains of the combinations that must be absolutely stable.
         stepped_back: unknowns that are smaller for it.
-        clash: a wall and an element that cannot be met together at one step of each; None if all
-            can.
+        clash: a wall and an element that are not proved together; None if all are.
+        alone: about what stiffness each wall has where nothing is met beside it, by label.
     """
 
     problem: Problem
@@ -119,6 +118,7 @@ class Solution:
     absolute: AllFound = field(default_factory=dict[tuple[str, ...], "AbsoluteStability"])
     stepped_back: frozenset[int] = frozenset()
     clash: tuple[str, str] | None = None
+    alone: dict[str, float] = field(default_factory=dict[str, float])
 
     def by_label(self) -> dict[str, float]:
         """Sizes, SI, of what was looked for here."""

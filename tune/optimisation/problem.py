@@ -97,6 +97,11 @@ class Problem:
     room: float = 0.0
     slack: float = 0.0
 
+    def limited_to(self, most: Mapping[str, float]) -> Problem:
+        """The problem in which effects are no larger than this, by label."""
+        limited = (replace(u, high=min(u.high, most.get(u.label, u.high))) for u in self.unknowns)
+        return replace(self, unknowns=tuple(limited))
+
     @property
     def low(self) -> FloatArray:
         """The least sizes that are kept."""
@@ -148,6 +153,10 @@ class Problem:
         return Effects(stiffness=total[0], damping=total[1], mass=total[2])
 
 
+#: Parts of their steps that elements keep where a wall is met beside them, tried in turn.
+_FOR_WALLS = (0.8, 0.5)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignTask:
     """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
@@ -160,6 +169,7 @@ class DesignTask:
         favour: an effect whose steps count more in the product; None for none.
         apart: pairs that could not be kept together, beside those of the scene.
         left_out: effects by label, "element.effect", that are not looked for, with the reason.
+        parts: of their steps that elements are given, for a wall that is met beside them.
     """
 
     device: Device
@@ -170,6 +180,7 @@ class DesignTask:
     favour: EffectName | None = None
     apart: tuple[tuple[str, str], ...] = ()
     left_out: tuple[tuple[str, str], ...] = ()
+    parts: Mapping[str, float] = field(default_factory=dict[str, float])
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
     )
@@ -191,7 +202,20 @@ class DesignTask:
         order = list(self.scene.elements)
         first, second = sorted(pair, key=order.index)
         scene = self.scene.model_copy(update={"apart": (*self.scene.apart, (first, second))})
-        return replace(self, scene=scene, apart=(*self.apart, (first, second)))
+        parts = {name: part for name, part in self.parts.items() if name not in pair}
+        return replace(self, scene=scene, apart=(*self.apart, (first, second)), parts=parts)
+
+    def with_room_for(self, wall: str, other: str) -> DesignTask | None:
+        """The task in which an element of the wall's priority leaves more room for the wall.
+
+        None where it has left all it may, or is wanted as it is.
+        """
+        mine, its = (self.scene.elements[name] for name in (wall, other))
+        fixed = all(wish.kind == "value" for wish in its.wishes().values())
+        less = next((part for part in _FOR_WALLS if part < self.parts.get(other, 1.0)), None)
+        if less is None or fixed or mine.priority != its.priority:
+            return None
+        return replace(self, parts={**self.parts, other: less})
 
     def with_less_to_prove(
         self, unproved: Sequence[tuple[str, ...]], why: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import PathFinder
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from identification import round_to_digits
 from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
+from tune.optimisation.feasibility import round_sizes
 from tune.optimisation.problem import ROOM, SLACK, Combination, Problem
 from tune.stability.nonlinear import (
     Nonlinearities,
@@ -30,12 +31,18 @@ from tune.stability.nonlinear import (
 if TYPE_CHECKING:
     import clarabel
 
+    from tune.optimisation.nash import AllFound, Optimum
+
 ComplexArray = NDArray[np.complex128]
 FloatArray = NDArray[np.float64]
 
 #: Delays of the taps, samples: all of the short ones, then each so many times the one before, up to
 #: so many times the delay of the loop, or to this many.
 _SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
+#: Where those prove less than this part of the gain, up to so many times B/K of the clamp with the
+#: most, and this many at most, for they take long to prove. Without delay M = 1 - 1/(1 + s·B/K)
+#: proves any sum of clamps, which is an exponential of taps.
+_HOPELESS, _LAGS, _LONGEST = 0.5, 4, 85
 #: Of the points of the grid the first program sees one in so many, or where a proof failed before.
 _SEEN, _SEEN_AGAIN = 192, 48
 #: Programs at most.
@@ -48,15 +55,15 @@ def _find_multiplier(
     responses: Responses,
     parts: Nonlinearities,
     gain: float,
-    delay_samples: float,
+    ladder: list[int],
     *,
     seen_of: int = _SEEN,
 ) -> Multiplier | None:
     """The multiplier with the most room at a gain, as far as a grid tells; None without one.
 
-    One in so many of its points are seen at first.
+    Its taps are of a ladder; one in so many points of the grid are seen at first.
     """
-    condition = _Condition.of(responses, parts, gain, _ladder(delay_samples))
+    condition = _Condition.of(responses, parts, gain, ladder)
     slopes = _slopes(responses, parts, condition)
     seen = np.arange(0, condition.factors.shape[1], seen_of, dtype=np.intp)
     weights: FloatArray | None = None
@@ -73,11 +80,17 @@ def _find_multiplier(
     return _multiplier(weights, condition.owners, parts, grounded=responses.grounded)
 
 
-def _ladder(delay_samples: float) -> list[int]:
-    """Delays of the taps, samples."""
-    longest = max(_LONG, _DELAYS * (delay_samples + 1))
-    count = int(np.log(longest / _SHORT) / np.log(_RATIO))
-    return [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
+def _ladders(parts: Nonlinearities, late: float, sample_time: float) -> list[list[int]]:
+    """Delays of the taps, samples, to be tried in turn; the loop is late by so many."""
+    usual = max(_LONG, _DELAYS * (late + 1))
+    arrays = [each.arrays() for _, each in parts.clamps]
+    lags = [float(np.asarray(B or 0.0)) / float(np.asarray(K)) for K, B, _ in arrays]
+    long = min(_LAGS * max(lags, default=0.0) / sample_time, _LONGEST)
+    return [
+        [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
+        for longest in ([usual, long] if long > usual * _RATIO else [usual])
+        for count in [int(np.log(longest / _SHORT) / np.log(_RATIO))]
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -279,16 +292,20 @@ _ALIKE, _DIGITS = 9, 6
 _FAINT, _KEPT, _FIRST_TAP = (0.3, 0.03, 1e-3, 0.0), 0.99, (0.03, 1e-3)
 
 
-#: Gains found, 0 for none, by the elements of combinations that must be absolutely stable.
-AllFound = Mapping[tuple[str, ...], AbsoluteStability]
+#: A problem, its optimum if any, and why the rest is dropped.
+Tried = tuple[Problem, "Optimum | None", dict[str, str]]
 
 
 def prove_combinations(
-    problem: Problem, sizes: FloatArray, known: AllFound | None = None
+    problem: Problem,
+    sizes: FloatArray,
+    known: AllFound | None = None,
+    tries: Sequence[float] = _PARTS,
 ) -> AllFound:
     """The proved gain of every combination that must be absolutely stable and is part of no other.
 
-    Sizes have shape (unknowns,), SI units; what is known is of others. Where no clamp, damper or
+    Sizes have shape (unknowns,), SI units; what is known is of others. Multipliers are looked for
+    at these parts of the gain that is asked for, until one is found. Where no clamp, damper or
     fading element of one is larger than its like in another, the gain and multiplier of the other
     are its own too (docs/theory.md, 10); such come last.
     """
@@ -314,7 +331,7 @@ def prove_combinations(
                 break
         else:
             searched.append(names)
-            found[names] = _search_gain(problem, *asked[names], known.get(names))
+            found[names] = _search_gain(problem, *asked[names], known.get(names), tries)
     return found | same
 
 
@@ -364,6 +381,7 @@ def _search_gain(
     parts: Nonlinearities,
     steady: tuple[Effects, ...],
     known: AbsoluteStability | None,
+    tries: Sequence[float],
 ) -> AbsoluteStability:
     """The gain up to which a sum is absolutely stable; known multipliers may do."""
     margin, box, least = problem.margin, problem.region.box, problem.proved_gain
@@ -372,18 +390,21 @@ def _search_gain(
     multipliers: dict[bool, Multiplier | None] = {}
     late = box.delay[1] / box.sample_time[0] + margin.extra_delay_samples
     seen_of = _SEEN_AGAIN if problem.slack else _SEEN
+    ladders = _ladders(parts, late, box.sample_time[0])
     for loop in problem.loops.between(margin.extra_delay_samples) if box.damping[0] > 0 else ():
         responses = Responses.of(loop, steady)
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
-        for part in () if gain >= least else _PARTS:
-            found = _find_multiplier(responses, parts, part * least, late, seen_of=seen_of)
-            if found is not None:
-                reached = _least_gain(responses, parts, found)
-                found, reached = _with_few_taps(responses, parts, found, reached, least)
-                if multiplier is None or reached > gain:  # the known one may prove more
-                    multiplier, gain = found, reached
-                break
+        for ladder in ladders:
+            enough = least if ladder is ladders[0] else _HOPELESS * least
+            for part in () if gain >= enough else tries:
+                found = _find_multiplier(responses, parts, part * least, ladder, seen_of=seen_of)
+                if found is not None:
+                    reached = _least_gain(responses, parts, found)
+                    found, reached = _with_few_taps(responses, parts, found, reached, least)
+                    if multiplier is None or reached > gain:  # the known one may prove more
+                        multiplier, gain = found, reached
+                    break
         gains.append(gain)
         multipliers[loop.grounded] = multiplier
     return AbsoluteStability(
@@ -466,6 +487,103 @@ def _nonlinearities(
         for (lead, lag), (names, K) in clamps.items()
     )
     return Nonlinearities(clamps=tuple(found), damping=damping), tuple(steady)
+
+
+#: Tries with more room for the proof of clamps, each as much as the last two promise, at least so
+#: much of what is short, and so much, each time twice as much; one that is short of more than this
+#: part of the one before does not help.
+_MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
+#: A last step that takes this part of a size is long; it is halved so many times.
+_LONG_STEP, _MOST_HALVINGS = 0.05, 3
+#: Steps of stiffness that are given up for a proof at most, how closely it is known how many, and
+#: where multipliers are looked for then, as parts of the gain that is asked for.
+_MOST_LOST, _CLOSE_LOST, _SURE = 3.0, 0.2, (1.02, 1.0)
+#: A gain as good as none.
+_NO_GAIN = 0.05
+
+
+def step_back(
+    problem: Problem,
+    linear: FloatArray,
+    tuned: Callable[[float], Tried],
+    dropped: Mapping[str, str],
+) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
+    """Sizes whose clamps are proved, by what, and the combination that linear sizes proved least.
+
+    More room is left to linear limits until the proof holds, or as long as that helps, and where
+    the last step was long, half of it is tried; no more may be dropped for it.
+    """
+
+    def proved(room: float, known: AllFound) -> tuple[FloatArray, AllFound] | None:
+        less, other, also = tuned(room)
+        if other is None or other.sizes is None or also != dropped:
+            return None
+        sizes = round_sizes(less, other.sizes)
+        return sizes, prove_combinations(problem, sizes, known)
+
+    def short_of(found: AllFound) -> float:
+        return problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
+
+    sizes, above, short, before = linear, linear, np.inf, np.inf
+    room = failed = problem.room
+    found = prove_combinations(problem, sizes)
+    tightest = min(found, key=lambda elements: found[elements].gain)
+    for number in range(_MOST_ROOMS):
+        short = short_of(found)
+        if short <= 1 or short - 1 > _HELPS * (before - 1):
+            break
+        more = max(_LESS_ROOM, (room - failed) / (before - short)) * (short - 1)
+        failed, room, before = room, room + max(more, _LEAST_ROOM * 2**number), short
+        less = proved(room, found)
+        if less is None:
+            break
+        above, (sizes, found) = sizes, less
+    for _ in range(_MOST_HALVINGS if short <= 1 else 0):
+        if np.all(above <= sizes * (1 + _LONG_STEP)):
+            break
+        middle = (failed + room) / 2
+        half = proved(middle, found)
+        if half is None:
+            break
+        if short_of(half[1]) > 1:
+            failed, above = middle, half[0]
+        else:
+            room, (sizes, found) = middle, half
+    return sizes, found, tightest
+
+
+def soften(
+    problem: Problem,
+    linear: FloatArray,
+    tuned: Callable[[float, Mapping[str, float]], Tried],
+    dropped: Mapping[str, str],
+) -> tuple[FloatArray, AllFound] | None:
+    """Sizes whose clamps are proved, of springs a few steps softer than linear limits allow.
+
+    As few as will do; None where as many as are given up at most do not.
+    """
+    pairs = zip(problem.unknowns, linear.tolist(), strict=True)
+    springs = [(u, s) for u, s in pairs if u.effect == "stiffness" and not u.settled]
+    best: tuple[FloatArray, AllFound] | None = None
+
+    def proved(lost: float) -> tuple[FloatArray, AllFound] | None:
+        most = {u.label: u.rounded_at(u.steps(size) - lost) for u, size in springs}
+        less, other, also = tuned(0.0, most)
+        if other is None or other.sizes is None or also != dropped:
+            return None
+        sizes = round_sizes(less, other.sizes)
+        found = prove_combinations(problem, sizes, best and best[1], _SURE)
+        good = min(each.gain for each in found.values()) >= problem.proved_gain
+        return (sizes, found) if good else None
+
+    few, many = 0.0, _MOST_LOST
+    if springs:
+        best = proved(many)
+    while best is not None and many - few > _CLOSE_LOST:
+        middle = (few + many) / 2
+        found = proved(middle)
+        few, many, best = (middle, many, best) if found is None else (few, middle, found)
+    return best
 
 
 def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> AbsoluteStability:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import round_to_digits
 from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Scene
@@ -19,16 +17,16 @@ from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
 from tune.optimisation.describe import bindings
 from tune.optimisation.feasibility import (
-    feasible_points,
     largest_allowed,
     least_beside,
     passes_cheap_limits,
+    round_sizes,
     stable_in_doubles,
     stable_points,
 )
 from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import (
-    SAME,
+    AllFound,
     Optimum,
     Solution,
     feasible_sizes,
@@ -38,26 +36,14 @@ from tune.optimisation.nash import (
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
 
 if TYPE_CHECKING:
-    from tune.optimisation.saturation import AllFound
+    from tune.optimisation.saturation import Tried
 
 FloatArray = NDArray[np.float64]
+#: No bounds but those of the problem.
+_ANY: Mapping[str, float] = MappingProxyType({})
 
 #: Steps that are not worth a number.
 _NOTHING = 1e-3
-#: Significant digits of a written effect; what is lost is 1e-5 at most.
-_DIGITS = 6
-#: Parts by which sizes that are a little beyond are taken back.
-_RETREATS = (0.0, 1e-7, 3e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3)
-#: Effects that are rounded either way, all ways tried.
-_MOST_WAYS = 5
-#: Tries with more room for the proof of clamps, each as much as the last two promise, at least so
-#: much of what is short, and so much, each time twice as much; one that is short of more than this
-#: part of the one before does not help.
-_MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
-#: A last step that takes this part of a size is long; it is halved so many times.
-_LONG, _MOST_HALVINGS = 0.05, 3
-#: A gain as good as none.
-_NO_GAIN = 0.05
 #: Why the damper of a wall goes with its spring.
 _NO_WALL = "without its stiffness it would be no wall"
 #: In the logarithm of the product, where cut-offs are still looked for.
@@ -118,6 +104,13 @@ def solve(
             others = (label.rpartition(".")[0] for label in reversed(beside))
             pairs = (_pair(task.scene, elements, (*elements, other)) for other in others)
             free = replace(free, clash=next((pair for pair in pairs if pair is not None), None))
+    if beside and walls and free.clash is None and second_opinion:
+        problem, most, _ = optimum_of(
+            task, elements, filters, cut=known | cut, second_opinion=False, choosing=False
+        )
+        if most is not None and most.sizes is not None:
+            pairs = zip(problem.unknowns, most.sizes.tolist(), strict=True)
+            free = replace(free, alone={u.label: s for u, s in pairs if u.effect == "stiffness"})
     if free.clash is not None or cut == walls or not (free.stepped_back or free.dropped):
         return free
     usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
@@ -145,8 +138,10 @@ def _solved(
 
     What is proved to less than one step is gone, with its reason, and the rest is tuned without it.
     """
+    kept: dict[str, float] = {}
 
-    def tuned(room: float) -> tuple[Problem, Optimum | None, dict[str, str]]:
+    def tuned(room: float, most: Mapping[str, float] = _ANY) -> Tried:
+        most = kept | {label: min(size, kept.get(label, size)) for label, size in most.items()}
         return optimum_of(
             task,
             elements,
@@ -154,7 +149,8 @@ def _solved(
             cut=cut,
             settled=settled,
             room=room,
-            choosing=not room,
+            most=most,
+            choosing=not room and not most,
             second_opinion=second_opinion,
             gone=gone,
         )
@@ -164,11 +160,23 @@ def _solved(
     if optimum is None or optimum.sizes is None:
         return nothing
     linear = sizes = round_sizes(problem, optimum.sizes)
+    for u, size in zip(problem.unknowns, linear.tolist(), strict=True):
+        if u.element in task.parts and not u.settled and u.wish.kind != "value":
+            kept[u.label] = u.rounded_at(task.parts[u.element] * u.steps(size))
+    if kept:
+        less, other, also = tuned(0.0)
+        if other is not None and other.sizes is not None and also == dropped:
+            sizes = round_sizes(less, other.sizes)
     found: AllFound = {}
     if second_opinion and any(combination.absolute for combination in problem.combinations):
-        sizes, found, tightest = _stepped_back(problem, linear, tuned, dropped)
+        from tune.optimisation.saturation import soften, step_back
+
+        sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
-        if gain < problem.proved_gain:
+        soft = soften(problem, linear, tuned, dropped) if gain < problem.proved_gain else None
+        if soft is not None:
+            sizes, found = soft
+        elif gain < problem.proved_gain:
             clash = _pair(task.scene, elements, tightest)
             if clash is not None:
                 return replace(nothing, clash=clash)
@@ -190,64 +198,19 @@ def _solved(
     )
 
 
-def _stepped_back(
-    problem: Problem,
-    linear: FloatArray,
-    tuned: Callable[[float], tuple[Problem, Optimum | None, dict[str, str]]],
-    dropped: Mapping[str, str],
-) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
-    """Sizes whose clamps are proved, by what, and the combination that linear sizes proved least.
-
-    More room is left to linear limits until the proof holds, or as long as that helps, and where
-    the last step was long, half of it is tried; no more may be dropped for it.
-    """
-    from tune.optimisation.saturation import prove_combinations
-
-    def proved(room: float, known: AllFound) -> tuple[FloatArray, AllFound] | None:
-        less, other, also = tuned(room)
-        if other is None or other.sizes is None or also != dropped:
-            return None
-        sizes = round_sizes(less, other.sizes)
-        return sizes, prove_combinations(problem, sizes, known)
-
-    def short_of(found: AllFound) -> float:
-        return problem.proved_gain / max(min(each.gain for each in found.values()), _NO_GAIN)
-
-    sizes, above, short, before = linear, linear, np.inf, np.inf
-    room = failed = problem.room
-    found = prove_combinations(problem, sizes)
-    tightest = min(found, key=lambda elements: found[elements].gain)
-    for number in range(_MOST_ROOMS):
-        short = short_of(found)
-        if short <= 1 or short - 1 > _HELPS * (before - 1):
-            break
-        more = max(_LESS_ROOM, (room - failed) / (before - short)) * (short - 1)
-        failed, room, before = room, room + max(more, _LEAST_ROOM * 2**number), short
-        less = proved(room, found)
-        if less is None:
-            break
-        above, (sizes, found) = sizes, less
-    for _ in range(_MOST_HALVINGS if short <= 1 else 0):
-        if np.all(above <= sizes * (1 + _LONG)):
-            break
-        middle = (failed + room) / 2
-        half = proved(middle, found)
-        if half is None:
-            break
-        if short_of(half[1]) > 1:
-            failed, above = middle, half[0]
-        else:
-            room, (sizes, found) = middle, half
-    return sizes, found, tightest
-
-
 def _pair(
     scene: Scene, elements: Sequence[str], combination: tuple[str, ...]
 ) -> tuple[str, str] | None:
     """A wall and another element, one of them tuned before, that may be told apart.
 
-    None where there is none that the scene does not ask for together and that is not apart.
+    None where there is none that the scene does not ask for together and that is not apart. Of
+    the least priority, and rather one that may be smaller than one that is wanted as it is.
     """
+
+    def place(pair: tuple[str, str]) -> tuple[int, bool]:
+        other = scene.elements[pair[1]]
+        return other.priority, any(wish.kind != "value" for wish in other.wishes().values())
+
     pairs = [
         (wall, other)
         for wall in combination
@@ -258,7 +221,7 @@ def _pair(
         and not any({wall, other} <= set(group) for group in scene.together)
         and {wall, other} not in map(set, scene.apart)
     ]
-    return max(pairs, key=lambda pair: scene.elements[pair[1]].priority, default=None)
+    return max(pairs, key=place, default=None)
 
 
 def optimum_of(
@@ -269,15 +232,17 @@ def optimum_of(
     cut: frozenset[str] = frozenset(),
     settled: Mapping[str, float] = MappingProxyType({}),
     room: float = 0.0,
+    most: Mapping[str, float] = _ANY,
     second_opinion: bool = True,
     known: Callable[[Problem], tuple[Sequence[FloatArray], Sequence[Scenario]]] | None = None,
     gone: Mapping[str, str] | None = None,
     choosing: bool = True,
-) -> tuple[Problem, Optimum | None, dict[str, str]]:
+) -> Tried:
     """The problem of what is kept, its optimum not rounded, and why the rest is dropped.
 
     Beside the choices of `problem_of`, ``known`` gives sizes of all effects of a problem to begin
-    with, allowed as far as doubles tell, where there are some, and corners that bound them. What is
+    with, allowed as far as doubles tell, where there are some, and corners that bound them; no
+    effect is larger than the ``most`` that its label has. What is
     ``gone`` is left out, with the reason, as is what the task leaves out. Where effects that are
     possible alone are not so together, it is chosen which are kept; without ``choosing`` the
     optimum has no sizes there.
@@ -289,9 +254,10 @@ def optimum_of(
     def problem_without(gone: frozenset[str]) -> Problem:
         # Without its stiffness the damper of a wall would act everywhere.
         gone |= {f"{e}.damping" for e in task.scene.walls if f"{e}.stiffness" in gone}
-        return problem_of(
+        found = problem_of(
             task, elements=elements, filters=filters, gone=gone, cut=cut, settled=settled, room=room
         )
+        return found.limited_to(most) if most else found
 
     left = task.left_out_of(elements) | dict(gone or {})
     solvers, dropped = backends(second_opinion=second_opinion), dict(left)
@@ -328,6 +294,7 @@ def optimum_of(
             cut=cut,
             settled=settled,
             room=room,
+            most=most,
             second_opinion=second_opinion,
             known=known,
             gone=dropped | broken,
@@ -479,27 +446,6 @@ def _imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
         f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
         f"limited by {word}"
     )
-
-
-def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
-    """Wanted values met exactly, the rest rounded to six digits towards nothing, still allowed."""
-    caps = problem.high
-    met = np.array([u.wish.kind in {"value", "range"} for u in problem.unknowns]) & (
-        sizes >= caps * (1 - 10 * SAME)
-    )
-    # Towards nothing where that is allowed; an effect that holds another may not be smaller.
-    ways = np.array(list(product((0.0, 1.0), repeat=min(sizes.size, _MOST_WAYS))))
-    ups = np.zeros((len(ways), sizes.size))
-    ups[:, : ways.shape[1]] = ways
-    for retreat in _RETREATS:
-        units = 10.0 ** (np.floor(np.log10(sizes)) - _DIGITS + 1)
-        whole = np.floor(sizes * (1 - retreat) / units) + ups
-        rounded = [[round_to_digits(float(size)) for size in row] for row in whole * units]
-        trials = np.where(met, caps, np.minimum(rounded, caps))
-        good = np.flatnonzero(feasible_points(problem, trials))
-        if good.size:
-            return trials[good[0]]
-    return sizes * (1 - SAME)
 
 
 #: What a rank counts beside the one before it.

@@ -151,15 +151,21 @@ def test_a_block_whose_damper_lags_far_longer_than_a_walls_is_met_with_it() -> N
 
 
 @pytest.mark.parametrize(
-    ("other", "least", "softest"),
-    [({"stiffness": "max"}, 10.0, 1000.0), ({"damping": 6.0}, 6.0, 400.0)],
-    ids=["rubber", "water"],
+    ("other", "least", "softest", "together"),
+    [
+        ({"stiffness": "max"}, 10.0, 1000.0, False),
+        ({"damping": 6.0}, 6.0, 400.0, False),
+        ({"stiffness": 90.0, "damping": "max"}, 90.0, 1000.0, True),
+    ],
+    ids=["rubber", "water", "gel, asked for together"],
 )
 def test_a_wall_and_what_it_meets_leave_room_for_each_other(
-    other: dict[str, object], least: float, softest: float
+    other: dict[str, object], least: float, softest: float, *, together: bool
 ) -> None:
     """On a light device either would take all there is, and a hand in it would feel no wall."""
-    profile = tuned("stylus", scene(other=other, wall=WALL))
+    groups = [["wall", "other"]] * together
+    wanted = Scene.model_validate({"elements": {"wall": WALL, "other": other}, "together": groups})
+    profile = tuned("stylus", wanted)
     assert not profile.apart
     met, wall = profile.elements["other"], profile.elements["wall"]
     assert max(met.stiffness, met.damping) >= least

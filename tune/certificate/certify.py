@@ -249,8 +249,8 @@ def skipped_parts(design: Design) -> tuple[str, ...]:
 def note_of_apart(pair: tuple[str, ...]) -> str:
     """The note about two elements that the scene did not tell apart."""
     return (
-        f"kept apart: {' and '.join(pair)} are proved together only with much less of them, if at "
-        "all; the guard gives no force where both are asked for"
+        f"kept apart: {' and '.join(pair)} are proved only with less of each, if at all (together: "
+        "asks for that); the guard gives no force where both are asked for"
     )
 
 

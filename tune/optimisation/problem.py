@@ -153,8 +153,9 @@ class Problem:
         return Effects(stiffness=total[0], damping=total[1], mass=total[2])
 
 
-#: Parts of their steps that elements keep where a wall is met beside them, tried in turn.
-_FOR_WALLS = (0.8, 0.5)
+#: Parts of their steps that elements keep where a wall is met beside them; and tried in turn after
+#: it where the scene asks for both together.
+_FOR_WALLS, _TOGETHER = 0.8, (0.6, 0.4, 0.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +213,8 @@ class DesignTask:
         """
         mine, its = (self.scene.elements[name] for name in (wall, other))
         fixed = all(wish.kind == "value" for wish in its.wishes().values())
-        less = next((part for part in _FOR_WALLS if part < self.parts.get(other, 1.0)), None)
+        parts = (_FOR_WALLS, *_TOGETHER * any({wall, other} <= {*g} for g in self.scene.together))
+        less = next((part for part in parts if part < self.parts.get(other, 1.0)), None)
         if less is None or fixed or mine.priority != its.priority:
             return None
         return replace(self, parts={**self.parts, other: less})

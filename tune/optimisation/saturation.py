@@ -497,7 +497,7 @@ _MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
 _LONG_STEP, _MOST_HALVINGS = 0.05, 3
 #: Steps of stiffness that are given up for a proof at most, how closely it is known how many, and
 #: where multipliers are looked for then, as parts of the gain that is asked for.
-_MOST_LOST, _CLOSE_LOST, _SURE = 3.0, 0.2, (1.02, 1.0)
+_MOST_LOST, _CLOSE_LOST, _SURE = 5.0, 0.2, (1.02, 1.0)
 #: A gain as good as none.
 _NO_GAIN = 0.05
 
@@ -555,19 +555,24 @@ def step_back(
 def soften(
     problem: Problem,
     linear: FloatArray,
+    alone: Mapping[str, float],
     tuned: Callable[[float, Mapping[str, float]], Tried],
     dropped: Mapping[str, str],
 ) -> tuple[FloatArray, AllFound] | None:
-    """Sizes whose clamps are proved, of springs a few steps softer than linear limits allow.
+    """Sizes whose clamps are proved, of springs softer than linear limits allow.
 
-    As few as will do; None where as many as are given up at most do not.
+    By as few steps as will do; None where so many below what each has alone, or what linear limits
+    allow if that is not known, do not.
     """
-    pairs = zip(problem.unknowns, linear.tolist(), strict=True)
-    springs = [(u, s) for u, s in pairs if u.effect == "stiffness" and not u.settled]
+    springs = [
+        (u, u.steps(size), max(u.steps(size) - u.steps(alone.get(u.label, size)) + _MOST_LOST, 0.0))
+        for u, size in zip(problem.unknowns, linear.tolist(), strict=True)
+        if u.effect == "stiffness" and not u.settled
+    ]
     best: tuple[FloatArray, AllFound] | None = None
 
     def proved(lost: float) -> tuple[FloatArray, AllFound] | None:
-        most = {u.label: u.rounded_at(u.steps(size) - lost) for u, size in springs}
+        most = {u.label: u.rounded_at(steps - min(lost, spare)) for u, steps, spare in springs}
         less, other, also = tuned(0.0, most)
         if other is None or other.sizes is None or also != dropped:
             return None
@@ -576,8 +581,8 @@ def soften(
         good = min(each.gain for each in found.values()) >= problem.proved_gain
         return (sizes, found) if good else None
 
-    few, many = 0.0, _MOST_LOST
-    if springs:
+    few, many = 0.0, max((spare for _, _, spare in springs), default=0.0)
+    if many:
         best = proved(many)
     while best is not None and many - few > _CLOSE_LOST:
         middle = (few + many) / 2

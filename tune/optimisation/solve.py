@@ -102,19 +102,27 @@ def solve(
         alone = _solved(task, elements, filters, known | cut, {}, second_opinion=second_opinion)
         if len(alone.dropped) < len(free.dropped):
             others = (label.rpartition(".")[0] for label in reversed(beside))
-            pairs = (_pair(task.scene, elements, (*elements, other)) for other in others)
+            pairs = (_pair(task, elements, (*elements, other)) for other in others)
             free = replace(free, clash=next((pair for pair in pairs if pair is not None), None))
     if beside and walls and free.clash is None and second_opinion:
-        problem, most, _ = optimum_of(
-            task, elements, filters, cut=known | cut, second_opinion=False, choosing=False
-        )
-        if most is not None and most.sizes is not None:
-            pairs = zip(problem.unknowns, most.sizes.tolist(), strict=True)
-            free = replace(free, alone={u.label: s for u, s in pairs if u.effect == "stiffness"})
+        free = replace(free, alone=_springs_alone(task, elements, filters, known | cut))
     if free.clash is not None or cut == walls or not (free.stepped_back or free.dropped):
         return free
     usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
+
+
+def _springs_alone(
+    task: DesignTask, elements: Sequence[str], filters: Filters, cut: frozenset[str]
+) -> dict[str, float]:
+    """About what stiffness a group has where nothing is met beside it, by label."""
+    problem, most, _ = optimum_of(
+        task, elements, filters, cut=cut, second_opinion=False, choosing=False
+    )
+    if most is None or most.sizes is None:
+        return {}
+    pairs = zip(problem.unknowns, most.sizes.tolist(), strict=True)
+    return {u.label: size for u, size in pairs if u.effect == "stiffness"}
 
 
 def _met(task: DesignTask, elements: Sequence[str]) -> set[str]:
@@ -173,11 +181,14 @@ def _solved(
 
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
-        soft = soften(problem, linear, tuned, dropped) if gain < problem.proved_gain else None
+        soft = None
+        if gain < problem.proved_gain:
+            alone = _springs_alone(task, elements, filters, cut) if settled else {}
+            soft = soften(problem, linear, alone, tuned, dropped)
         if soft is not None:
             sizes, found = soft
         elif gain < problem.proved_gain:
-            clash = _pair(task.scene, elements, tightest)
+            clash = _pair(task, elements, tightest)
             if clash is not None:
                 return replace(nothing, clash=clash)
             own = [u for u in problem.unknowns if not u.settled]
@@ -199,17 +210,17 @@ def _solved(
 
 
 def _pair(
-    scene: Scene, elements: Sequence[str], combination: tuple[str, ...]
+    task: DesignTask, elements: Sequence[str], combination: tuple[str, ...]
 ) -> tuple[str, str] | None:
-    """A wall and another element, one of them tuned before, that may be told apart.
+    """A wall and another element, one of them tuned before, of which one may leave more room.
 
-    None where there is none that the scene does not ask for together and that is not apart. Of
-    the least priority, and rather one that may be smaller than one that is wanted as it is.
+    Or that may be told apart, as what the scene asks for together may not. Of the least priority;
+    None where there is none.
     """
+    scene = task.scene
 
-    def place(pair: tuple[str, str]) -> tuple[int, bool]:
-        other = scene.elements[pair[1]]
-        return other.priority, any(wish.kind != "value" for wish in other.wishes().values())
+    def leaves_room(pair: tuple[str, str]) -> bool:
+        return task.with_room_for(*pair) is not None
 
     pairs = [
         (wall, other)
@@ -218,10 +229,11 @@ def _pair(
         if wall in scene.walls
         and other not in scene.walls
         and (wall in elements) != (other in elements)
-        and not any({wall, other} <= set(group) for group in scene.together)
         and {wall, other} not in map(set, scene.apart)
     ]
-    return max(pairs, key=place, default=None)
+    asked = [{*group} for group in scene.together]
+    may = [p for p in pairs if leaves_room(p) or not any({*p} <= group for group in asked)]
+    return max(may, key=lambda p: (scene.elements[p[1]].priority, leaves_room(p)), default=None)
 
 
 def optimum_of(

@@ -79,6 +79,22 @@ FAULTS: tuple[Fault, ...] = (
         ("a circle behind a line", "centre - root.centre.real - wide", "centre - wide"),
         ("the width of a cell behind a line", "root.centre.real - wide - lost", "root.centre.real"),
     ),
+    # What a wall and what it meets give up for each other.
+    *_of(
+        "tune/optimisation/saturation.py",
+        "tests/test_clamps.py -k 'block_whose or leave_room'",
+        ("taps as long as a clamp lags", "in ([usual, long] if long", "in ([usual, usual] if long"),
+        (
+            "steps that a wall gives up",
+            "max((spare for _, _, spare in springs), default=0.0)",
+            "0.0",
+        ),
+    ),
+    *_of(
+        "tune/optimisation/problem.py",
+        "tests/test_clamps.py -k leave_room",
+        ("what is met gives up more where both are asked for", "0.8, (0.6, 0.4, 0.2)", "0.8, ()"),
+    ),
     *_of(
         "tune/certificate/zero_exclusion.py",
         "tests/test_zero_exclusion.py -k add_up",

@@ -12,7 +12,7 @@ import pytest
 from identification import load_device, quantity
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
-from tune import NoFeasibleEffectError, SafeProfile, Scene, optimise
+from tune import NoFeasibleEffectError, SafeProfile, Scene, load_scene, optimise
 
 #: Written values have six digits; of cut-offs that do nearly as well the least filtering is taken.
 DIGITS, NEARLY = 1e-5, 0.01
@@ -75,6 +75,22 @@ def test_a_spring_that_only_the_device_holds_is_told_to_ask_for_damping_which_he
     beside = _tuned({"it": spring | {"damping": "max"}})
     assert beside.elements["it"].stiffness > 2 * alone.elements["it"].stiffness
     assert not any("Ask for damping" in each for each in beside.notes)
+
+
+@pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
+def test_the_first_scene_of_a_device_asks_for_what_a_hand_can_tell(
+    device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert haptune("new", "scene", "--device", device).code == 0
+    wanted = load_scene("scene.yaml").elements
+    asked = {name: {"damping": wanted[name].damping} for name in ("water", "cup")}
+    profile = _tuned(asked | {"rubber": wanted["rubber"]}, device)
+    assert not any("not-as-wanted" in note or "dropped" in note for note in profile.notes)
+    for name in ("water", "cup", "rubber"):
+        element = profile.elements[name]
+        assert max(element.perceived_steps.values()) > 1.9, name  # two, by a value of two digits
+        assert element.damping == pytest.approx(getattr(wanted[name].damping, "high", 0.0))
 
 
 @pytest.mark.parametrize("effect", ["stiffness", "damping", "mass"])

@@ -175,10 +175,17 @@ class Scale:
         Steps are one number or an array of any shape, and so is the answer, in the unit of the
         reference.
         """
-        base, corner = max(self.reference, self.corner), self.corner
+        return self.value_from(self.reference, steps, sign)
+
+    def value_from(
+        self, reference: float | FloatArray, steps: float | FloatArray, sign: int
+    ) -> FloatArray:
+        """`value_at` from other references, of the shape of both."""
+        corner = self.corner
+        base = np.maximum(reference, corner)
         height = np.multiply(sign * np.log1p(self.weber), steps)
         # In heights: from the reference up to the corner, or from the corner up to the reference.
-        ahead, behind = 1 - min(self.reference, corner) / corner, np.log(corner / base)
+        ahead, behind = 1 - np.minimum(reference, corner) / corner, np.log(corner / base)
         above = np.maximum(height - ahead, behind)
         below = np.minimum(height - ahead, behind) - behind
         return base * np.expm1(above) + corner * (ahead + below)

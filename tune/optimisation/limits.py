@@ -15,7 +15,7 @@ That phase is smooth in the sizes where the end of the stable gains jumps.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Literal
 
@@ -165,11 +165,16 @@ class Rendering:
         What one step reaches upwards is convex in what is asked for, what it reaches downwards is
         concave: what a tangent allows is allowed.
         """
+        slope, reach = self._tangents(np.array(asked))
+        return (self.given - slope * self.asked) / reach
+
+    def _tangents(self, asked: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Slope and height over the device's own of the tangents where so much is asked for."""
         own, corner = self.scale.reference, self.scale.corner
-        place = min(own + asked, max(own, self._straight_from))
-        end = place + replace(self.scale, reference=place).value_at(_OF_A_STEP, self.sign)
-        slope = max(end, corner) / max(place, corner)
-        return (self.given - slope * self.asked) / (end - own - slope * (place - own))
+        place = np.minimum(own + asked, max(own, self._straight_from))
+        end = place + self.scale.value_from(place, _OF_A_STEP, self.sign)
+        slope = np.maximum(end, corner) / np.maximum(place, corner)
+        return slope, end - own - slope * (place - own)
 
     def bound(self, sizes: FloatArray, index: int) -> float:
         """How large one size may be beside the others, by Newton's method from zero; inf if any."""
@@ -183,8 +188,8 @@ class Rendering:
         most, before = np.zeros(int(binding.sum())), -1.0
         while np.any(most > before * (1 + _SAME)):
             before = most
-            tangents = [self.rows(float(self.asked @ rest) + asked * each) for each in most]
-            rows = np.array([each[binding][i] for i, each in enumerate(tangents)])
+            slope, reach = self._tangents(float(self.asked @ rest) + asked * most)
+            rows = (self.given[binding] - slope[:, None] * self.asked) / reach[:, None]
             most = np.maximum(most, (1 - rows @ rest) / rows[:, index])
         return float(most.min())
 

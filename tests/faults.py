@@ -83,7 +83,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/optimisation/saturation.py",
         "tests/test_clamps.py -k 'block_whose or leave_room'",
-        ("taps as long as a clamp lags", "in ([usual, long] if long", "in ([usual, usual] if long"),
+        ("taps as long as a clamp lags", "tried = [usual, long]", "tried = [usual, usual]"),
         (
             "steps that a wall gives up",
             "max((spare for _, _, spare in springs), default=0.0)",

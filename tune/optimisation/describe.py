@@ -519,10 +519,9 @@ def notes_of_unmet(
             most, about = f"{format_number(size)} {units[effect]}", f"{name}.{effect}"
             why, felt = element.limited_by[effect], ""
             undamped = effect == "stiffness" and why in _HELD and _undamped(task, name)
-            by_itself = alone.get(about, 0.0)
-            if wish.kind == "max" and by_itself > _MUCH * size:
-                by_itself = f"about {format_number(by_itself)} {units[effect]} by itself"
-                beside = f"{most} is the most with all that is met beside it, {by_itself}"
+            if wish.kind == "max" and alone.get(about, 0.0) > _MUCH * size:
+                most_alone = f"about {format_number(alone[about])} {units[effect]} by itself"
+                beside = f"{most} is the most with all that is met beside it, {most_alone}"
                 yield f"{note_of_unmet(about)}{beside}. {_TELL_APART}"
             elif wish.kind == "max" and undamped:
                 bare = f"{most} is the most without damping beside it, limited by {why}"

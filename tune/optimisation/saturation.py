@@ -86,11 +86,14 @@ def _ladders(parts: Nonlinearities, late: float, sample_time: float) -> list[lis
     arrays = [each.arrays() for _, each in parts.clamps]
     lags = [float(np.asarray(B or 0.0)) / float(np.asarray(K)) for K, B, _ in arrays]
     long = min(_LAGS * max(lags, default=0.0) / sample_time, _LONGEST)
-    return [
-        [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
-        for longest in ([usual, long] if long > usual * _RATIO else [usual])
-        for count in [int(np.log(longest / _SHORT) / np.log(_RATIO))]
-    ]
+    tried = [usual, long] if long > usual * _RATIO else [usual]
+    return [_ladder(longest) for longest in tried]
+
+
+def _ladder(longest: float) -> list[int]:
+    """Delays of taps up to the longest, samples."""
+    count = int(np.log(longest / _SHORT) / np.log(_RATIO))
+    return [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -181,23 +181,22 @@ def _solved(
 
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
-        soft = None
         if gain < problem.proved_gain:
             alone = _springs_alone(task, elements, filters, cut) if settled else {}
             soft = soften(problem, linear, alone, tuned, dropped)
-        if soft is not None:
-            sizes, found = soft
-        elif gain < problem.proved_gain:
-            clash = _pair(task, elements, tightest)
+            clash = _pair(task, elements, tightest) if soft is None else None
             if clash is not None:
                 return replace(nothing, clash=clash)
-            own = [u for u in problem.unknowns if not u.settled]
-            label = min(own, key=lambda u: u.effect != "stiffness").label
-            why = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
-            left = dropped | keep_promises(problem, {label: why})
-            return _solved(
-                task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
-            )
+            if soft is None:
+                own = [u for u in problem.unknowns if not u.settled]
+                label = min(own, key=lambda u: u.effect != "stiffness").label
+                proved = f"proved stable to a gain of {gain:.4g} only"
+                why = f"pushing on one side, or cut, it is {proved}"
+                left = dropped | keep_promises(problem, {label: why})
+                return _solved(
+                    task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
+                )
+            sizes, found = soft
     return replace(
         nothing,
         sizes=sizes,

@@ -270,7 +270,7 @@ FAULTS: tuple[Fault, ...] = (
         ("forces", "failures += force_failures(design, combination)", "pass"),
         (
             "passivity",
-            "failures += passivity_failures(design, combination, setting, bare)",
+            "failures += passivity_failures(design, combination, setting, regions[0])",
             "pass",
         ),
         (
@@ -841,6 +841,37 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_several_axes.py -k 'let_go or leaves_its or compares'",
         ("motion across is judged", "if bent > _MOST_BENT:", "if bent > np.inf:"),
         ("a play that is not cut", "most = min(levels, default=np.inf)", "most = np.inf"),
+    ),
+    *_of(
+        "identification/estimators/least_squares.py",
+        "tests/test_identify.py -k many_fast_samples",
+        ("a delay beside the scan's steps", "for _ in range(_MOST_MOVES):", "for _ in range(1):"),
+    ),
+    # Elements that are alike: one stands for all.
+    *_of(
+        "tune/documents/scene.py",
+        "tests/test_alike.py",
+        ("alike in all they say", "if elements[each] == elements[name])", "if True)"),
+        ("apart from the same", "if others[each] == others[name])", "if True)"),
+    ),
+    *_of(
+        "tune/optimisation/alike.py",
+        "tests/test_alike.py -k told",
+        (
+            "pairs of all that are alike",
+            "for alike in pairs.values() for each in alike",
+            "for each in pairs",
+        ),
+        ("notes of all that are alike", "for each in members[name])", "for each in [name])"),
+    ),
+    *_of(
+        "tune/certificate/check.py",
+        "tests/test_edges.py -k false_word",
+        (
+            "room beside a wall",
+            "_ROOM if gives_room else _GROWN, [name], alike",
+            "_ROOM, [name], alike",
+        ),
     ),
     *_of(
         "tune/templates/player.py",

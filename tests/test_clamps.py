@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from identification import Device, ForceLimit, load_device, quantity
+from identification import Device, ForceLimit, load_device, quantity, to_mapping
 from tune import SafeProfile, Scene, optimise
+from tune.certificate.check import check_content
 
 WALL = {"stiffness": "max", "damping": "max", "one_sided": True}
 #: N/m or N·m/rad that one wall reaches at least, both effects as large as can be.
@@ -130,6 +132,32 @@ def test_pairs_that_are_apart_are_not_proved_and_cost_nothing() -> None:
     assert apart.elements["wall"].stiffness > 1.2 * beside.elements["wall"].stiffness
     assert ("wall", "feather") in beside.combinations()
     assert ("wall", "feather") not in apart.combinations()
+
+
+@pytest.mark.parametrize(
+    ("device", "elements", "more"),
+    [
+        # What leaves room for a wall is stopped by the proof of that, if not to the last tenth.
+        (
+            "homerehab",
+            {"wall": WALL, "feather": {"damping": "min"}, "spring": {"stiffness": "max"}},
+            {"loop": {"velocity_filter_hz": 50.0}},
+        ),
+        # A damper that gives less than is asked for acts as far before its face as was asked for.
+        (
+            "homerehab",
+            {"wall": {"stiffness": 900.0, "damping": 40.0, "one_sided": True}},
+            {"ripple_limit": 0.02, "loop": {"velocity_filter_hz": 50.0}},
+        ),
+    ],
+    ids=["room", "lead"],
+)
+def test_what_is_written_of_walls_is_what_check_reads(
+    device: str, elements: dict[str, Any], more: dict[str, Any]
+) -> None:
+    wanted = Scene.model_validate({"elements": elements, **more})
+    content = to_mapping(optimise(load_device(device), wanted))
+    assert check_content(content, "as tuned").profile.elements.keys() == elements.keys()
 
 
 def test_what_no_wall_can_meet_is_kept_apart_and_said_so() -> None:

@@ -276,6 +276,12 @@ def test_units_shifts_and_direction_change_nothing(
     _nothing_changes(force, length, time, shift, turn)
 
 
+@pytest.mark.parametrize("time", [0.11, 0.04])
+def test_a_delay_of_few_of_many_fast_samples_is_found(time: float) -> None:
+    """At 9 and 25 kHz, where the first scan for it takes steps of several samples."""
+    _nothing_changes(1.0, 1.0, time, 0.0, 1.0)
+
+
 @pytest.mark.parametrize("samples", thinned([2.5, 0.0, 1.0], 1))
 def test_delay_stated_assumed_or_read(samples: float) -> None:
     axis = Axis(delay=samples * STEP)

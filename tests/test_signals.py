@@ -47,7 +47,9 @@ def _ended_in_order(arguments: str, name: str, delay: float) -> None:
     assert not {name for name in files() if name.startswith(".")}, what
     if process.returncode == 130:
         assert "interrupted; " in err, what
-        assert len(err.splitlines()) == 1, what
+        # CPython tells of a module whose import was interrupted and begun anew.
+        said = [line for line in err.splitlines() if "_decimal/libmpdec" not in line]
+        assert len(said) == 1, what
         if "--json" in arguments:
             result = json.loads(out.splitlines()[-1])
             assert result["status"] == "interrupted", what

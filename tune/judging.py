@@ -53,11 +53,11 @@ from tune.documents.scene import (
 )
 from tune.loop.loop import Filters, Loop, used_filters
 from tune.margins import LoopMargins, margins_of
-from tune.optimisation import design_of, witnesses_of
+from tune.optimisation import design_of
 from tune.optimisation.feasibility import forces, ripple, round_sizes, worst_gain
 from tune.optimisation.nash import AllFound, Solution, largest_product
 from tune.optimisation.problem import SLACK, DesignTask, Problem, may_saturate, problem_of
-from tune.optimisation.solve import backends, reasons_for_nothing
+from tune.optimisation.solve import backends, reasons_for_nothing, witnesses_of
 from tune.rendering import contact, count_jump
 from tune.stability.criterion import Passivity, passivity
 

@@ -83,6 +83,8 @@ _GROWTH = 50.0
 _SCAN_STEP, _SCAN_SAMPLES = 2.5e-4, 0.5
 #: ... and the finer steps about the best, parts of it, each with a parabola through the best three.
 _FINER = (0.5, 0.1, 0.02)
+#: ... and as often as the lowest of three is the first or the last, up to so many times.
+_MOST_MOVES = 8
 #: Scans: the direction of motion is refined at the delay of the scan before.
 _ROUNDS = 2
 #: Samples of the rough scan, from the middle of the log.
@@ -535,8 +537,12 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
         before, table = table, table.refined(best * step)
         if table is not before or not basis.size:
             basis = _basis(table)
-        near = np.clip(best + finer * width * np.array([-1.0, 0.0, 1.0]), 0.0, most)
-        best = _lowest(near, _costs(table, basis, near))
+        for _ in range(_MOST_MOVES):
+            half = min(finer * width, most / 2)
+            near = np.clip(best, half, most - half) + half * np.array([-1.0, 0.0, 1.0])
+            seen, best = best, _lowest(near, _costs(table, basis, near))
+            if near[0] < best < near[-1] or best == seen:
+                break
     # Nothing is known of a delay but that it lies within the scan.
     ignorance = most / np.sqrt(12)
     deviation = min(shift_of_delay(table, best * step).deviation, ignorance * step)

@@ -501,15 +501,15 @@ def certify(
     """Prove a design stable in its whole box, and look for a point that says otherwise.
 
     Cells are for one combination, fewer than MOST_CELLS where less would be asked for instead;
-    witnesses are multipliers for one-sided combinations, a wrong one proves nothing. Raises
-    CheckFailedError with every failure, each naming elements, point and reason.
+    witnesses are multipliers for one-sided combinations, a wrong one proves nothing. The first of
+    elements that are alike stands for all. Raises CheckFailedError with elements, point and reason.
     """
+    design = design.one_of_each()
     refuse_unbalanced(design.device, held=design.hand is not None)
     regions = regions_of(design)
-    bare = regions[0]
     extras = [element.margins.extra_delay_samples for element in design.elements.values()]
     extra = max(design.margin.extra_delay_samples, *extras, 0.0)
-    longest = bare.delay[1] / bare.sample_time[0] + extra
+    longest = regions[0].delay[1] / regions[0].sample_time[0] + extra
     if longest > _LONGEST_DELAY:
         raise CheckFailedError(
             (f"delays up to {longest:.6g} samples are claimed, at most {_LONGEST_DELAY} judged",)
@@ -555,7 +555,7 @@ def certify(
         interior[" + ".join(combination)] = "proved"
         if not meets_wall(design, combination):
             failures += ripple_failures(design, combination, setting)
-        failures += passivity_failures(design, combination, setting, bare)
+        failures += passivity_failures(design, combination, setting, regions[0])
         if len(combination) == 1:
             failures += rendering_failures(design, combination[0], setting)
     if failures:

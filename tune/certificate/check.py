@@ -91,7 +91,8 @@ OPINIONS = _trusted(
     (
         "elements.*.limited_by",
         "that a value or range was wanted, or no limit is met in the range looked in; that every "
-        "other limit said to bind allows no tenth more is recomputed",
+        "other limit said to bind allows no tenth more is recomputed, of the proof of a wall, for "
+        "which elements leave room, not twice as much",
     ),
     ("elements.*.margins.gain", "that no more could be proved"),
     ("elements.*.margins.extra_delay_samples", "that no more could be proved"),
@@ -130,8 +131,10 @@ _EDGE = 1e-6
 #: A limit that is named is met where the effect is larger by this part: how closely limits are met
 #: is the tuner's affair, that another one is named is found out.
 _GROWN = 0.1
-#: Limits that slack for a proof leaves room below.
-_MARGINS = {"gain-margin", "delay-margin", "stability"}
+#: ... and by this one where an element leaves room for a wall.
+_ROOM = 1.0
+#: Limits of a whole combination, below which slack for a proof leaves room.
+_SHARED = {"gain-margin", "delay-margin", "stability", "saturation"}
 #: Cells in which a proof that is easy is found.
 _FEW_CELLS = 20_000
 
@@ -173,8 +176,9 @@ def check_content(
         fresh = certify(profile, witnesses=profile.certificate.absolute_stability)
     except CheckFailedError as error:
         raise CheckFailedError((*error.failures, *failures), error.points) from None
-    for name in profile.elements:
-        failures += _element_failures(profile, name)
+    first = profile.one_of_each()
+    for name in first.elements:
+        failures += _element_failures(first, name)
     failures += _claims_differ(profile, fresh)
     if failures:
         raise CheckFailedError(tuple(failures))
@@ -188,7 +192,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
         if combination not in fresh.interior:
             yield (
                 f"certificate.interior says {combination} is proved, the profile has no such "
-                "combination"
+                "combination, or one of elements that are alike"
             )
     for combination in fresh.interior:
         if combination not in stated.interior:
@@ -203,7 +207,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
                 " to ".join(f"{item:.12g}" for item in each) or "nothing" for each in (said, seen)
             ]
             yield f"certificate.{name} says {shown[0]}, computed anew it is {shown[1]}"
-    for name, element in profile.elements.items():
+    for name, element in profile.one_of_each().elements.items():
         gains = [
             proved.gain
             for combination, proved in (fresh.absolute_stability or {}).items()
@@ -417,6 +421,7 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
     What is stopped by the same limit in an element goes together: a proof of clamps that fails
     takes all of the element back at once, and each alone may have room then. A margin is of a whole
     combination: where a proof took some slack, each element alone may have more room than all.
+    Elements leave more room for the proof of a wall than it needs once all have.
     """
     words = design.elements[name].limited_by
     word = words[effect]
@@ -431,14 +436,15 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
     if exceeds(_GROWN, [name], [effect]):
         return
     alike: list[EffectName] = [e for e, other in words.items() if word in {other, "saturation"}]
-    if exceeds(_GROWN, [name], alike):
+    gives_room = word == "saturation" and not design.elements[name].one_sided
+    if exceeds(_ROOM if gives_room else _GROWN, [name], alike):
         return
-    together = word in _MARGINS and exceeds(_GROWN, design.elements, EFFECT_NAMES)
+    together = word in _SHARED and exceeds(_GROWN, design.elements, EFFECT_NAMES)
     if together and exceeds(1.0, [name], [effect]):
         return
     yield (
         f"{name}: {effect} is said to be limited by {word}, which would allow "
-        f"{_GROWN:.0%} more of it"
+        f"{_ROOM if gives_room else _GROWN:.0%} more of it"
     )
 
 

@@ -144,7 +144,9 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
     most = element.lead
     if (most is not None) != element.one_sided:
         yield f"{name}: lead is stated of walls, of each of them"
+    # As wanted, or a wanted value of which there is less, of which a note tells.
     served = element.limited_by.get("damping") not in {None, "wanted", "not-perceptible"}
+    served &= not any(note.startswith(f"{name}.damping: ") for note in design.notes)
     if most is not None and K and B and served:
         least, lead = lead_of(design, name)
         if least < -_AGREE * B:

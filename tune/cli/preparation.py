@@ -445,7 +445,7 @@ class RestlessError(CheckFailedError):
 
 
 def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
-    """Play every combination of a design, and its transitions, in the simulator's trials.
+    """Play combinations of unlike elements, and their transitions, in the simulator's trials.
 
     The design is as it will be stored, its force limit and encoder stated. Raises RestlessError
     where some trial diverges or keeps oscillating; then nothing may be written.
@@ -465,7 +465,8 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
         for name, element in design.elements.items()
         if any(getattr(element, effect) for effect in EFFECT_NAMES)
     }
-    combinations = [names for names in design.combinations() if there.issuperset(names)]
+    unlike = design.one_of_each().combinations()
+    combinations = [names for names in unlike if there.issuperset(names)]
     runs = -(-len(combinations) // _AT_ONCE)
     vetoes: dict[tuple[str, ...], str] = {}
     for run in range(runs):

@@ -261,11 +261,14 @@ def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> 
 def _with_less(
     scene: Scene, profile: SafeProfile, names: Collection[str], part: float
 ) -> Scene | None:
-    """The scene with a part of the open effects of these elements; None where none can be less."""
-    from tune.documents.scene import Wish
+    """The scene with a part of the open effects of these elements and of what is alike them.
 
-    elements = dict(scene.elements)
-    for name in names:
+    None where none can be less.
+    """
+    from tune.documents.scene import Wish, one_of_each
+
+    elements, kinds = dict(scene.elements), one_of_each(scene.elements, scene.together, scene.apart)
+    for name in (each for each, first in kinds.items() if not {each, first}.isdisjoint(names)):
         wishes = elements[name].wishes()
         most = {
             effect: Wish(kind="range", low=wished.low or 0.0, high=part * size)

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from os import PathLike, fspath
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -39,6 +39,7 @@ from tune.documents.scene import (
     Margin,
     MarginName,
     Motion,
+    one_of_each,
     refuse_strange_groups,
     subsets_of,
 )
@@ -177,7 +178,8 @@ class Certificate(Document):
         extra_delay_samples: on top of the device's delay, any part of it.
         points: judged one by one in many digits.
         cells: excluded one by one, of which the proof is made.
-        interior: by combination; nothing but "proved" is ever written.
+        interior: by combination; nothing but "proved" is ever written. Of elements that are alike,
+            equal in all they say and apart from the same others, the first stands for all.
         absolute_stability: by combination, for those whose clamp may be reached; None for none.
         worst: found by search over all combinations.
         assumes: what the proof takes for granted.
@@ -500,6 +502,13 @@ class Design(Document):
     def combinations(self) -> tuple[tuple[str, ...], ...]:
         """Every set of elements that can be felt at once, singles first."""
         return subsets_of(self.elements, self.together, self.walls, self.apart)
+
+    def one_of_each(self) -> Self:
+        """The design with the first element of each kind only."""
+        first = {*one_of_each(self.elements, self.together, self.apart).values()}
+        elements = {name: each for name, each in self.elements.items() if name in first}
+        apart = tuple(pair for pair in self.apart if first.issuperset(pair))
+        return self.model_copy(update={"elements": elements, "apart": apart})
 
 
 class SafeProfile(Design, Tabular):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain, product
 from os import PathLike
 from typing import Annotated, Any, Literal, cast
 
@@ -98,9 +99,9 @@ def format_number(number: float) -> str:
 
 #: Elements felt together are certified in every subset, 2^n - 1 sums.
 _LARGEST_GROUP = 10
-#: Sums of several elements in a scene, each tuned, certified and rehearsed, and each with keys of
-#: its own in a profile.
-MOST_SUMS = 1013
+#: Sums of several elements in a scene, each a set that a guard knows; and of them those of unlike
+#: elements, each tuned, certified and rehearsed, and each with keys of its own in a profile.
+MOST_SUMS, MOST_UNLIKE_SUMS = 10_000, 1013
 #: Elements of a scene; alone each takes a fraction of a second. In a profile each takes up to 90
 #: keys, values and brackets of the 20 000 that a file may hold.
 MOST_ELEMENTS = 200
@@ -127,12 +128,8 @@ def subsets_of(
     others = list(dict.fromkeys(part for each in found if (part := each - set(walls))))
     found |= dict.fromkeys(other | wall for other in others for wall in facing)
     pairs = [frozenset(pair) for pair in apart]
-    kept = [
-        tuple(sorted(each, key=order.__getitem__))
-        for each in found
-        if not any(pair <= each for pair in pairs)
-    ]
-    return tuple(sorted(kept, key=len))
+    kept = (each for each in found if not any(pair <= each for pair in pairs))
+    return tuple(sorted((tuple(sorted(each, key=order.__getitem__)) for each in kept), key=len))
 
 
 def groups_of(
@@ -143,23 +140,39 @@ def groups_of(
     return tuple(dict.fromkeys(tuple(sorted(set(g), key=order.__getitem__)) for g in together))
 
 
+def one_of_each(
+    elements: Mapping[str, object],
+    together: Iterable[Sequence[str]],
+    apart: Iterable[Sequence[str]],
+) -> dict[str, str]:
+    """For each element the first that is alike, often itself.
+
+    Alike are those of equal content that are in no group and apart from the same others: what is
+    tuned or proved of one is so of each.
+    """
+    pairs, grouped = [*apart], {*chain(*together)}
+    others = {name: {*chain(*(p for p in pairs if name in p))} - {name} for name in elements}
+    alone = [name for name in elements if name not in grouped]
+    found = {name: name for name in elements}
+    for name in alone:
+        alike = (each for each in alone if elements[each] == elements[name])
+        found[name] = next(each for each in alike if others[each] == others[name])
+    return found
+
+
 def refuse_strange_groups(
-    elements: Iterable[str],
+    elements: Mapping[str, object],
     together: Iterable[Sequence[str]],
     walls: Collection[str] = (),
     apart: Iterable[Sequence[str]] = (),
 ) -> None:
     """Raise ValueError for names that cannot be read and groups or pairs that are no such sets."""
-    known = dict.fromkeys(elements)
-    for name in known:
+    for name in elements:
         if not name.strip() or not name.isprintable():
             raise ValueError(f"an element is named {name!r}; give it a word")
     pairs, sets = list(apart), list(together)
-    for word, group in (
-        *(("together", each) for each in sets),
-        *(("apart", each) for each in pairs),
-    ):
-        unknown = [name for name in group if name not in known]
+    for word, group in [*product(["together"], sets), *product(["apart"], pairs)]:
+        unknown = [name for name in group if name not in elements]
         if unknown:
             raise ValueError(f"{word} names {', '.join(unknown)[:80]}, which is no element")
     for pair in pairs:
@@ -172,17 +185,18 @@ def refuse_strange_groups(
             raise ValueError(f"together holds {len(group)} elements, more than {_LARGEST_GROUP}")
         for pair in (each for each in pairs if set(each) <= set(group)):
             raise ValueError(f"{' and '.join(pair)} are both together and apart"[:200])
-    if len(known) > MOST_ELEMENTS:
+    if len(elements) > MOST_ELEMENTS:
         raise ValueError(
-            f"there are {len(known)} elements, more than {MOST_ELEMENTS}; split them into scenes "
-            "of their own"
+            f"there are {len(elements)} elements, more than {MOST_ELEMENTS}; split them"
         )
-    sums = len(subsets_of(known, sets, walls, pairs)) - len(known)
-    if sums > MOST_SUMS:
+    unlike = {*one_of_each(elements, sets, pairs).values()}
+    sums = [each for each in subsets_of(elements, sets, walls, pairs) if len(each) > 1]
+    apiece = sum(unlike.issuperset(each) for each in sums)
+    if apiece > MOST_UNLIKE_SUMS or len(sums) > MOST_SUMS:
         raise ValueError(
-            f"{sums} sums of elements are to be certified, more than {MOST_SUMS}; name fewer or "
-            "smaller groups together, name walls apart from what they do not meet, or split the "
-            "rest into scenes of their own"
+            f"{apiece} sums of unlike elements are to be certified, {len(sums)} of all, more than "
+            f"{MOST_UNLIKE_SUMS} or {MOST_SUMS}; name fewer or smaller groups together, name walls "
+            "apart from what they do not meet, or split the rest into scenes of their own"
         )
 
 

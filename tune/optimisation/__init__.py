@@ -46,6 +46,7 @@ from tune.documents.scene import (
     Scene,
     groups_of,
     hand_of,
+    one_of_each,
 )
 from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import choose_filters
@@ -61,10 +62,18 @@ from tune.optimisation.describe import (
     with_what_is_felt,
 )
 from tune.optimisation.feasibility import SAME
-from tune.optimisation.nash import AllFound, Solution
+from tune.optimisation.nash import Solution
 from tune.optimisation.problem import SLACK, DesignTask
 from tune.optimisation.region import PlantPoint
-from tune.optimisation.solve import CutoffObjective, groups, keep_promises, solve, worth_of
+from tune.optimisation.solve import (
+    CutoffObjective,
+    groups,
+    keep_promises,
+    proofs_of,
+    solve,
+    witnesses_of,
+    worth_of,
+)
 
 Progress = Callable[[str], None]
 #: The task, with the pairs that had to be told apart, and the largest effects of every group.
@@ -122,12 +131,12 @@ def optimise(
     refusal = refusal_of(device, held=scene.hand != "none")
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
-    task = DesignTask.of(as_stored(device), scene, table or default_table(), favour)
+    task = DesignTask.of(as_stored(device), _one_of_each(scene), table or default_table(), favour)
     choices = choose_filters(task, say)
     while True:
         filters, solved = _best_proved(task, choices, say)
         try:
-            return _certified(filters, solved, say)
+            return _certified(filters, solved, scene, say)
         except CheckFailedError as error:
             choices = [each for each in choices[:_MOST_PROVED] if each[0] != filters]
             if not choices:
@@ -138,10 +147,19 @@ def optimise(
                 task, choices = less, choose_filters(less, say)
 
 
-def _certified(filters: Filters, solved: _Solved, say: Progress) -> SafeProfile:
+def _one_of_each(scene: Scene) -> Scene:
+    """The scene with the first element of each kind only."""
+    first = {*one_of_each(scene.elements, scene.together, scene.apart).values()}
+    elements = {name: each for name, each in scene.elements.items() if name in first}
+    apart = tuple(pair for pair in scene.apart if first.issuperset(pair))
+    return scene.model_copy(update={"elements": elements, "apart": apart})
+
+
+def _certified(filters: Filters, solved: _Solved, scene: Scene, say: Progress) -> SafeProfile:
     """The profile of the largest effects with some filters, of a little less where a proof fails.
 
-    Raises CheckFailedError where that does not help.
+    What is alike an element that was tuned plays the same. Raises CheckFailedError where less does
+    not help.
     """
     for attempt in range(_MOST_ATTEMPTS + 1):
         task, design, witnesses = _proposed(filters, solved, say)
@@ -155,6 +173,10 @@ def _certified(filters: Filters, solved: _Solved, say: Progress) -> SafeProfile:
                 raise
             solved = _solved(warned, filters, say)
             continue
+        if len(scene.elements) > len(task.scene.elements):
+            from tune.optimisation.alike import with_all_alike
+
+            design = with_all_alike(design, scene)
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
     raise AssertionError("the last attempt returns or raises")
@@ -201,20 +223,30 @@ def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
     A wall and an element that are not proved together are told apart in the task that is returned,
     where the element cannot leave room for the wall.
     """
-    solutions: list[Solution] = []
-    together = groups(task.scene)
-    while len(solutions) < len(together):
-        elements = together[len(solutions)]
-        say(f"tuning {', '.join(elements)} ({len(solutions) + 1} of {len(together)})")
-        solved = solve(task, elements, filters, solutions)
+    found: dict[tuple[str, ...], Solution] = {}
+    usual = order = groups(task.scene)
+    while len(found) < len(order):
+        elements = order[len(found)]
+        say(f"tuning {', '.join(elements)} ({len(found) + 1} of {len(order)})")
+        solved = solve(task, elements, filters, [*found.values()])
         if solved.clash is None:
-            solutions.append(solved)
+            found[elements] = solved
             continue
         wall, other = solved.clash
         before, task = task, task.with_room_for(wall, other) or task.without(solved.clash)
         if before.parts != task.parts:  # tuned anew from the first that has more room, or less
-            solutions = solutions[: next(n for n, each in enumerate(together) if other in each)]
-    return task, solutions
+            first = next(n for n, each in enumerate(order) if other in each)
+            found = {each: found[each] for each in order[:first]}
+            # Walls of one priority are not met with each other: those that are settled wait.
+            place = next(n for n, e in enumerate(order) if _rank(task, e) == _rank(task, elements))
+            order = (*order[:place], elements, *(e for e in order[place:] if e != elements))
+    return task, [found[each] for each in usual]
+
+
+def _rank(task: DesignTask, group: Sequence[str]) -> tuple[int, bool]:
+    """The first priority in a group, and whether it is of walls."""
+    scene = task.scene
+    return min(scene.elements[name].priority for name in group), group[0] in scene.walls
 
 
 def _proposed(
@@ -252,34 +284,6 @@ def _without_fade(solved: _Solved, element: str) -> DesignTask:
     }
     left = keep_promises(own.problem, fading)
     return replace(task, left_out=(*task.left_out, *left.items()))
-
-
-def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
-    """What proves the clamps of solutions, by combination, as stored; nothing where none may be."""
-    found = _proved(solutions)
-    if not found:
-        return {}
-    from tune.optimisation.saturation import witness_of
-
-    kept, slack = MARGINS[task.scene.margin], task.slack
-    return {
-        " + ".join(names): as_stored(witness_of(one, kept, slack)) for names, one in found.items()
-    }
-
-
-def _proved(solutions: Sequence[Solution]) -> AllFound:
-    """Gains of combinations that must be absolutely stable, of what is left, part of no other."""
-    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
-    found = {
-        tuple(name for name in names if name in there): one
-        for solved in solutions
-        for names, one in solved.absolute.items()
-    }
-    if not found:
-        return found
-    from tune.optimisation.saturation import largest_sets
-
-    return {names: found[names] for names in largest_sets(found)}
 
 
 def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
@@ -331,7 +335,7 @@ def design_of(
         for each in scene.subsets()
         if (part := tuple(name for name in each if name in there)) in found
     ]
-    absolute = _proved(solutions)
+    absolute = proofs_of(solutions)
     elements = {
         name: element_profile(device, scene, solved, name, margins, absolute, task.slack)
         for solved, own in zip(solutions, groups(scene), strict=True)

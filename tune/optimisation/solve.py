@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import as_stored
 from tune.documents import NoFeasibleEffectError
-from tune.documents.profile import LimitedBy
-from tune.documents.scene import Scene
+from tune.documents.profile import AbsoluteStability, LimitedBy
+from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
 from tune.optimisation.describe import bindings
@@ -233,6 +234,34 @@ def _pair(
     asked = [{*group} for group in scene.together]
     may = [p for p in pairs if leaves_room(p) or not any({*p} <= group for group in asked)]
     return max(may, key=lambda p: (scene.elements[p[1]].priority, leaves_room(p)), default=None)
+
+
+def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
+    """What proves the clamps of solutions, by combination, as stored; nothing where none may be."""
+    found = proofs_of(solutions)
+    if not found:
+        return {}
+    from tune.optimisation.saturation import witness_of
+
+    kept, slack = MARGINS[task.scene.margin], task.slack
+    return {
+        " + ".join(names): as_stored(witness_of(one, kept, slack)) for names, one in found.items()
+    }
+
+
+def proofs_of(solutions: Sequence[Solution]) -> AllFound:
+    """Gains of combinations that must be absolutely stable, of what is left, part of no other."""
+    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
+    found = {
+        tuple(name for name in names if name in there): one
+        for solved in solutions
+        for names, one in solved.absolute.items()
+    }
+    if not found:
+        return found
+    from tune.optimisation.saturation import largest_sets
+
+    return {names: found[names] for names in largest_sets(found)}
 
 
 def optimum_of(

@@ -181,7 +181,7 @@ def _picture(words: str, *figures: Figure) -> dict[str, object]:
 def _pictures(safe: SafeProfile) -> Iterator[dict[str, object]]:
     from tune.presentation import pictures
 
-    boundaries = Boundaries.of(safe)
+    safe, boundaries = safe.one_of_each(), Boundaries.of(safe)
     region = pictures.region_picture(safe, boundaries=boundaries)
     words = "The region without mass with every element. Below, of each element: its region and "
     words += "what is left to the margin; the part of each limit that it uses. "

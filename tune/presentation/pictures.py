@@ -46,7 +46,8 @@ def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) ->
     """A bar an effect, the part of the limit that binds it, beside the stable region in (B, K).
 
     The boundaries are exact: the largest stiffness for each damping, for the best estimate of the
-    device, for the worst corner of its box, and for that corner with the whole margin kept.
+    device, for the worst corner of its box, and for that corner with the whole margin kept. Of
+    elements that are alike the first is drawn.
 
     Args:
         profile: certified or not.
@@ -54,6 +55,7 @@ def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) ->
     """
     from identification import NotebookFigure
 
+    profile = profile.one_of_each()
     figure = NotebookFigure(figsize=(_WIDTH, _overview_height(profile)))
     _draw_overview(figure, profile, boundaries or Boundaries.of(profile))
     return figure
@@ -75,6 +77,7 @@ def region_picture(
     assert figure is not None
     if ax is None:
         ax = figure.add_axes((0.1, 0.12, 0.88, 0.73))
+    profile = profile.one_of_each()
     _draw_places(ax, profile, boundaries or Boundaries.of(profile))
     return figure
 
@@ -92,6 +95,7 @@ def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
     """
     from identification import NotebookFigure
 
+    profile = profile.one_of_each()
     names = shown_elements(profile)
     felt = _felt_devices(profile, names)
     heights = [_overview_height(profile), *[_HEIGHT] * (len(names) + bool(felt))]

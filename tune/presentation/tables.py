@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tune.documents.estimators import DERIVATIVES, filter_of
-from tune.documents.scene import EFFECT_NAMES, UNITS
+from tune.documents.scene import EFFECT_NAMES, UNITS, one_of_each
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -73,14 +73,15 @@ def effects_table(profile: SafeProfile, *, everything: bool = False) -> Table:
     """One row an effect, as narrow as a terminal: value, steps, margins, what binds.
 
     With everything also the ripple, and beneath it what is felt of each element and what is met on
-    entering it.
+    entering it. Of elements that are alike the first has rows, and beneath it says so.
     """
-    units, lines = UNITS[profile.device.motion], list[str]()
+    lines, profile = list(_alike_lines(profile)), profile.one_of_each()
+    units = UNITS[profile.device.motion]
     numbers = ("value", "steps", "gain", "delay", *["ripple"] * everything)
     title = f"{profile.scene} on {profile.device.name}, margin {profile.margin.name}"
     if everything:
         title += f"; filters: {filters_in_words(profile.loop)}"
-        lines = [*_rendered_lines(profile), *_contact_lines(profile, units)]
+        lines += [*_rendered_lines(profile), *_contact_lines(profile, units)]
         jitters = [each.margins.jitter for each in profile.elements.values()]
         if jitters and None not in jitters:
             least = _jitter_words(min(each or 0.0 for each in jitters))
@@ -103,6 +104,15 @@ def effects_table(profile: SafeProfile, *, everything: bool = False) -> Table:
                 reason,
             )
     return table
+
+
+def _alike_lines(profile: SafeProfile) -> Iterator[str]:
+    """Which elements the first of each kind stands for, where there are some."""
+    kinds = one_of_each(profile.elements, profile.together, profile.apart)
+    for first in dict.fromkeys(kinds.values()):
+        others = [name for name, same in kinds.items() if same == first != name]
+        if others:
+            yield f"alike {first}: {', '.join(others)}"
 
 
 def plain_number(value: float, digits: int = 4, sign: str = "") -> str:
@@ -266,8 +276,8 @@ def _contact_words(contact: Contact, units: dict[str, str], speed: str) -> tuple
     bounce, length = contact.restitution, units["length"]
     parts: list[str] = []
     if bounce is not None:
-        low, high = bounce
-        parts.append(f"gives back {low:.2g} to {high:.2g} of the speed")
+        ends = dict.fromkeys(f"{end:.2g}" for end in bounce)
+        parts.append(f"gives back {' to '.join(ends)} of the speed")
     if contact.depth_at_continuous_force is not None:
         shallow, deep = contact.depth_at_continuous_force, contact.depth_at_peak_force
         parts.append(

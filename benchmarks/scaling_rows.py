@@ -51,9 +51,18 @@ def _elements() -> Iterator[Row]:
     yield from _growing(
         "springs, dampers, walls", _COUNTS[:3], tuned(lambda n: {"elements": _mix(n)})
     )
+    yield from _growing("equal walls in a maze", _COUNTS, tuned(lambda n: {"elements": _maze(n)}))
     yield from _growing("masses, which fade", _COUNTS[:3], tuned(lambda n: {"elements": _cups(n)}))
     together = tuned(lambda n: {"elements": _dampers(n), "together": [list(_dampers(n))]})
     yield from _growing("dampers, all together", _TOGETHER, together)
+
+
+def _maze(count: int) -> dict[str, object]:
+    """So many elements: walls, water and a cup."""
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True}
+    cup = {"damping": 30.0, "mass": "max"}
+    others = {"water": {"damping": 10.0}, "cup": cup} if count > 2 else {}
+    return {f"wall{k}": wall for k in range(count - len(others))} | others
 
 
 def _springs(count: int) -> dict[str, object]:

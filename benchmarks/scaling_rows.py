@@ -60,9 +60,12 @@ def _elements() -> Iterator[Row]:
 def _maze(count: int) -> dict[str, object]:
     """So many elements: walls, water and a cup."""
     wall = {"stiffness": "max", "damping": "max", "one_sided": True}
-    cup = {"damping": 30.0, "mass": "max"}
-    others = {"water": {"damping": 10.0}, "cup": cup} if count > 2 else {}
-    return {f"wall{k}": wall for k in range(count - len(others))} | others
+    others: dict[str, object] = {
+        "water": {"damping": 10.0},
+        "cup": {"damping": 30.0, "mass": "max"},
+    }
+    beside = others if count > len(others) else {}
+    return {f"wall{k}": wall for k in range(count - len(beside))} | beside
 
 
 def _springs(count: int) -> dict[str, object]:

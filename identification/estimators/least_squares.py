@@ -537,8 +537,8 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
         before, table = table, table.refined(best * step)
         if table is not before or not basis.size:
             basis = _basis(table)
+        half = min(finer * width, most / 2)
         for _ in range(_MOST_MOVES):
-            half = min(finer * width, most / 2)
             near = np.clip(best, half, most - half) + half * np.array([-1.0, 0.0, 1.0])
             seen, best = best, _lowest(near, _costs(table, basis, near))
             if near[0] < best < near[-1] or best == seen:

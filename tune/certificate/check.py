@@ -179,7 +179,7 @@ def check_content(
     first = profile.one_of_each()
     for name in first.elements:
         failures += _element_failures(first, name)
-    failures += _claims_differ(profile, fresh)
+    failures += _claims_differ(first, fresh)
     if failures:
         raise CheckFailedError(tuple(failures))
     return CheckReport(profile=profile, certificate=fresh)
@@ -207,7 +207,7 @@ def _claims_differ(profile: SafeProfile, fresh: Certificate) -> Iterator[str]:
                 " to ".join(f"{item:.12g}" for item in each) or "nothing" for each in (said, seen)
             ]
             yield f"certificate.{name} says {shown[0]}, computed anew it is {shown[1]}"
-    for name, element in profile.one_of_each().elements.items():
+    for name, element in profile.elements.items():
         gains = [
             proved.gain
             for combination, proved in (fresh.absolute_stability or {}).items()

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from os import PathLike, fspath
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -39,6 +39,7 @@ from tune.documents.scene import (
     Margin,
     MarginName,
     Motion,
+    Scene,
     one_of_each,
     refuse_strange_groups,
     subsets_of,
@@ -505,10 +506,18 @@ class Design(Document):
 
     def one_of_each(self) -> Self:
         """The design with the first element of each kind only."""
-        first = {*one_of_each(self.elements, self.together, self.apart).values()}
-        elements = {name: each for name, each in self.elements.items() if name in first}
-        apart = tuple(pair for pair in self.apart if first.issuperset(pair))
-        return self.model_copy(update={"elements": elements, "apart": apart})
+        return first_of_each(self)
+
+
+_Elements = TypeVar("_Elements", bound=Scene | Design)
+
+
+def first_of_each(whole: _Elements) -> _Elements:
+    """A scene or a design with the first element of each kind only."""
+    first = {*one_of_each(whole.elements, whole.together, whole.apart).values()}
+    elements = {name: each for name, each in whole.elements.items() if name in first}
+    apart = tuple(pair for pair in whole.apart if first.issuperset(pair))
+    return whole.model_copy(update={"elements": elements, "apart": apart})
 
 
 class SafeProfile(Design, Tabular):

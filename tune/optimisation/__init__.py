@@ -37,6 +37,7 @@ from tune.documents.profile import (
     PerceptionProfile,
     SafeProfile,
     WorstPoint,
+    first_of_each,
 )
 from tune.documents.scene import (
     EFFECT_NAMES,
@@ -46,7 +47,6 @@ from tune.documents.scene import (
     Scene,
     groups_of,
     hand_of,
-    one_of_each,
 )
 from tune.loop.loop import Filters
 from tune.optimisation.cutoffs import choose_filters
@@ -70,6 +70,7 @@ from tune.optimisation.solve import (
     groups,
     keep_promises,
     proofs_of,
+    rank_of,
     solve,
     witnesses_of,
     worth_of,
@@ -131,7 +132,7 @@ def optimise(
     refusal = refusal_of(device, held=scene.hand != "none")
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
-    task = DesignTask.of(as_stored(device), _one_of_each(scene), table or default_table(), favour)
+    task = DesignTask.of(as_stored(device), first_of_each(scene), table or default_table(), favour)
     choices = choose_filters(task, say)
     while True:
         filters, solved = _best_proved(task, choices, say)
@@ -145,14 +146,6 @@ def optimise(
                     raise
                 say("tuning without what is not proved")
                 task, choices = less, choose_filters(less, say)
-
-
-def _one_of_each(scene: Scene) -> Scene:
-    """The scene with the first element of each kind only."""
-    first = {*one_of_each(scene.elements, scene.together, scene.apart).values()}
-    elements = {name: each for name, each in scene.elements.items() if name in first}
-    apart = tuple(pair for pair in scene.apart if first.issuperset(pair))
-    return scene.model_copy(update={"elements": elements, "apart": apart})
 
 
 def _certified(filters: Filters, solved: _Solved, scene: Scene, say: Progress) -> SafeProfile:
@@ -238,15 +231,10 @@ def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
             first = next(n for n, each in enumerate(order) if other in each)
             found = {each: found[each] for each in order[:first]}
             # Walls of one priority are not met with each other: those that are settled wait.
-            place = next(n for n, e in enumerate(order) if _rank(task, e) == _rank(task, elements))
+            rank = rank_of(task.scene, elements)
+            place = next(n for n, each in enumerate(order) if rank_of(task.scene, each) == rank)
             order = (*order[:place], elements, *(e for e in order[place:] if e != elements))
     return task, [found[each] for each in usual]
-
-
-def _rank(task: DesignTask, group: Sequence[str]) -> tuple[int, bool]:
-    """The first priority in a group, and whether it is of walls."""
-    scene = task.scene
-    return min(scene.elements[name].priority for name in group), group[0] in scene.walls
 
 
 def _proposed(

@@ -16,17 +16,17 @@ from tune.documents.scene import EFFECT_NAMES, Scene, groups_of, one_of_each
 def with_all_alike(design: Design, scene: Scene) -> Design:
     """The design of a whole scene, from that of the first element of each kind."""
     order, members = [*scene.elements], dict[str, list[str]]()
-    for name, first in one_of_each(scene.elements, scene.together, scene.apart).items():
+    kinds = one_of_each(scene.elements, scene.together, scene.apart)
+    for name, first in kinds.items():
         members.setdefault(first, []).append(name)
-    firsts = {name: first for first, alike in members.items() for name in alike}
-    played = {name: firsts[name] for name in order if firsts[name] in design.elements}
+    there = design.elements
     pairs = {pair: list(_alike(pair, members, order)) for pair in design.apart}
     method = {
         each: how for names, how in design.method.items() for each in members.get(names, (names,))
     }
     return design.model_copy(
         update={
-            "elements": {name: design.elements[first] for name, first in played.items()},
+            "elements": {name: there[first] for name, first in kinds.items() if first in there},
             "apart": groups_of(order, [each for alike in pairs.values() for each in alike]),
             "notes": tuple(_notes(design, members, pairs)),
             "method": method,

@@ -65,10 +65,14 @@ def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
     order = list(scene.elements)
 
     def place(group: tuple[str, ...]) -> tuple[int, bool, int]:
-        priority = min(scene.elements[name].priority for name in group)
-        return priority, group[0] in scene.walls, order.index(group[0])
+        return *rank_of(scene, group), order.index(group[0])
 
     return tuple(sorted((tuple(sorted(g, key=order.index)) for g in found), key=place))
+
+
+def rank_of(scene: Scene, group: Sequence[str]) -> tuple[int, bool]:
+    """The first priority in a group, and whether it is of walls, which come later."""
+    return min(scene.elements[name].priority for name in group), group[0] in scene.walls
 
 
 def solve(

@@ -891,6 +891,11 @@ FAULTS: tuple[Fault, ...] = (
             "most = fabs(positions[0] - others[0]);",
         ),
     ),
+    *_of(
+        "tune/cli/preparation.py",
+        "tests/test_rehearse.py -k faces_no_other",
+        ("walls without a spring face none", "        and element.stiffness  #", "        #"),
+    ),
 )
 
 

@@ -120,6 +120,12 @@ def test_an_element_without_effect_is_played_in_no_combination() -> None:
     assert [part["mass"] > 0 for k in range(2) for part in rows(law, k)] == [True, False]
 
 
+def test_a_wall_that_could_not_be_had_faces_no_other() -> None:
+    sizes = {"wall": (2000.0, 20.0, 0.0), "wall 2": (0.0, 0.0, 0.0)}
+    _, law, _ = rehearsed(made("homerehab", sizes))
+    assert [(part["stiffness"], part["side"]) for part in rows(law, 0)] == [(2000.0, -1)]
+
+
 def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
     """Exit 5 names the element; 6 is for a profile that exists."""
     scene = tmp_path / "scene.yaml"

@@ -546,8 +546,9 @@ def _parts(
     parts = [(design.elements[name], -1 if name in walls else 0, 0.0) for name in names]
     facing = [
         name
-        for name in design.elements
+        for name, element in design.elements.items()
         if walls
+        and element.stiffness  # a wall whose spring was left out stands nowhere
         and name in design.walls.difference(walls)
         and others | {name} in certified
         and not any({name, wall} == set(pair) for wall in walls for pair in design.apart)

@@ -201,15 +201,17 @@ def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
     target[0], cost[-1] = 1, -1
     settings = clarabel.DefaultSettings()
     settings.verbose = False
+    # Every point is in its own scale already; another one costs half the digits of long taps.
+    settings.equilibrate_enable = False
     cones: list[clarabel.Cone] = [clarabel.ZeroConeT(equal), clarabel.NonnegativeConeT(count)]
     cones += [clarabel.NonnegativeConeT(points)] if cone is None else [cone] * points
     answer = clarabel.DefaultSolver(
         _sparse(np.zeros((count + 1, count + 1))), cost, _sparse(program), target, cones, settings
     ).solve()
-    found = np.array(answer.x, dtype=np.float64)
-    if not np.all(np.isfinite(found)) or not found[-1] > -_NOTHING:
+    if answer.status not in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
         return None
-    return np.maximum(found[:-1], 0.0)
+    found = np.array(answer.x, dtype=np.float64)
+    return np.maximum(found[:-1], 0.0) if found[-1] > -_NOTHING else None
 
 
 def _sparse(matrix: FloatArray) -> SimpleNamespace:

@@ -21,9 +21,15 @@ class PSDTriangleConeT(Cone):
 
 class DefaultSettings:
     verbose: bool
+    equilibrate_enable: bool
+
+class SolverStatus:
+    Solved: SolverStatus
+    AlmostSolved: SolverStatus
 
 class Solution:
     x: list[float]
+    status: SolverStatus
 
 class DefaultSolver:
     def __init__(

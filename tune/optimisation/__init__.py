@@ -158,7 +158,7 @@ def _certified(filters: Filters, solved: _Solved, scene: Scene, say: Progress) -
         task, design, witnesses = _proposed(filters, solved, say)
         say("certifying")
         try:
-            last = attempt == _MOST_ATTEMPTS or task.slack == SLACK[-1]
+            last = attempt == _MOST_ATTEMPTS or task.slack >= SLACK[-2]
             certificate = certify(design, None if last else _cells_of(task), witnesses)
         except CheckFailedError as error:
             warned = _warned(task, error)
@@ -295,7 +295,7 @@ def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
     )
     spots = tuple(each for each in spots if each not in task.region.found)
     if not spots:
-        slack = next((more for more in SLACK[-error.spent :] if more > task.slack), None)
+        slack = next((more for more in SLACK[-2 * error.spent :] if more > task.slack), None)
         return None if slack is None else replace(task, slack=slack)
     return replace(task, region=replace(task.region, found=task.region.found + spots))
 

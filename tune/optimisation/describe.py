@@ -253,7 +253,7 @@ def combination_margins(
     gain = min(worst_gain(one.problem, one.combination, one.sizes, late=False), _MARGIN_CAP)
     late = min(float(MOST_EXTRA_DELAY), late)
     if slack:
-        last = slack == SLACK[-1]
+        last = slack >= SLACK[-2]
         less = 0.0 if last else float(np.floor(late * (1 - slack) * 10) / 10)
         gain = max(0.0 if last else gain * (1 - slack), min(gain, kept.gain))
         late = max(less, min(late, kept.extra_delay_samples))

@@ -39,10 +39,10 @@ FloatArray = NDArray[np.float64]
 #: Delays of the taps, samples: all of the short ones, then each so many times the one before, up to
 #: so many times the delay of the loop, or to this many.
 _SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
-#: Where those prove less than this part of the gain, up to so many times B/K of the clamp with the
-#: most, and this many at most, for they take long to prove. Without delay M = 1 - 1/(1 + s·B/K)
-#: proves any sum of clamps, which is an exponential of taps.
-_HOPELESS, _LAGS, _LONGEST = 0.5, 4, 85
+#: Where those do not prove the gain that is asked for, up to so many times B/K of the clamp with
+#: the most, or to this many. Without delay M = 1 - 1/(1 + s·B/K) proves any sum of clamps: so many
+#: times B/K hold all of that exponential, if they are not more than this many.
+_LAGS, _LONGER, _ALL_LAGS, _LONGEST = 4, 85, 16, 400
 #: Of the points of the grid the first program sees one in so many, or where a proof failed before.
 _SEEN, _SEEN_AGAIN = 192, 48
 #: Programs at most.
@@ -80,13 +80,19 @@ def _find_multiplier(
     return _multiplier(weights, condition.owners, parts, grounded=responses.grounded)
 
 
-def _ladders(parts: Nonlinearities, late: float, sample_time: float) -> list[list[int]]:
-    """Delays of the taps, samples, to be tried in turn; the loop is late by so many."""
-    usual = max(_LONG, _DELAYS * (late + 1))
+def _ladders(
+    parts: Nonlinearities, late: float, sample_time: float, *, long: bool
+) -> list[list[int]]:
+    """Delays of the taps, samples, to be tried in turn; the loop is late by so many.
+
+    Those that hold a whole exponential take long to prove.
+    """
+    tried: list[float] = [max(_LONG, _DELAYS * (late + 1))]
     arrays = [each.arrays() for _, each in parts.clamps]
     lags = [float(np.asarray(B or 0.0)) / float(np.asarray(K)) for K, B, _ in arrays]
-    long = min(_LAGS * max(lags, default=0.0) / sample_time, _LONGEST)
-    tried = [usual, long] if long > usual * _RATIO else [usual]
+    lag = max(lags, default=0.0) / sample_time
+    for longest in (min(_LAGS * lag, _LONGER), _ALL_LAGS * lag * long):
+        tried += [longest] * (tried[-1] * _RATIO < longest <= _LONGEST)
     return [_ladder(longest) for longest in tried]
 
 
@@ -395,20 +401,22 @@ def _search_gain(
     multipliers: dict[bool, Multiplier | None] = {}
     late = box.delay[1] / box.sample_time[0] + margin.extra_delay_samples
     seen_of = _SEEN_AGAIN if problem.slack else _SEEN
-    ladders = _ladders(parts, late, box.sample_time[0])
+    ladders = _ladders(parts, late, box.sample_time[0], long=problem.slack < SLACK[-1])
+    # All of the gain by the shortest taps that do, else as much as the longest do.
+    order = [(ladder, part) for ladder in ladders for part in tries if part >= 1]
+    order += [(ladders[-1], part) for part in tries if part < 1]
     for loop in problem.loops.between(margin.extra_delay_samples) if box.damping[0] > 0 else ():
         responses = Responses.of(loop, steady)
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
-        for ladder in ladders:
-            enough = least if ladder is ladders[0] else _HOPELESS * least
-            for part in () if gain >= enough else tries:
-                found = _find_multiplier(responses, parts, part * least, ladder, seen_of=seen_of)
-                if found is not None:
-                    reached = _least_gain(responses, parts, found)
-                    found, reached = _with_few_taps(responses, parts, found, reached, least)
-                    if multiplier is None or reached > gain:  # the known one may prove more
-                        multiplier, gain = found, reached
+        for ladder, part in () if gain >= least else order:
+            found = _find_multiplier(responses, parts, part * least, ladder, seen_of=seen_of)
+            if found is not None:
+                reached = _least_gain(responses, parts, found)
+                found, reached = _with_few_taps(responses, parts, found, reached, least)
+                if multiplier is None or reached > gain:  # the known one may prove more
+                    multiplier, gain = found, reached
+                if gain >= least or part < 1:
                     break
         gains.append(gain)
         multipliers[loop.grounded] = multiplier
@@ -602,7 +610,7 @@ def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> Absolu
     It is at least that of the margin; a part of what is beyond it, the slack, is not claimed, and
     at the last slack nothing of it.
     """
-    if slack == SLACK[-1]:
+    if slack >= SLACK[-2]:
         return found.model_copy(update={"gain": margin.gain})
     gain = float(np.floor(found.gain * (1 - max(_SHAVED, slack)) * 1000) / 1000)
     return found.model_copy(update={"gain": max(gain, margin.gain)})

@@ -53,6 +53,8 @@ _LONGEST = 1 << 17
 _answers: dict[tuple[object, ...], object] = {}
 #: Noise this many times the rounding of a count hides the count.
 _HIDDEN = 2.0
+#: The middle of a log is as excited as the most excited part down to this part of it.
+_AS_EXCITED = 0.1
 #: Stretches of a log that a finding names at most.
 _MOST_SPANS = 100
 
@@ -403,3 +405,26 @@ def most_excited(trajectory: Trajectory) -> Trajectory:
         return float(np.mean(velocity**2))
 
     return trajectory.part(max(parts, key=mean_square_velocity))
+
+
+def excited_part(trajectory: Trajectory, samples: int) -> Trajectory:
+    """So many consecutive samples: those in the middle, or others that are excited far more.
+
+    What excites is the product of the mean squares of velocity and of changes of the force: a
+    sweep has as much of it when it is slow as when it is fast. The whole log, if no part has both.
+    """
+    spare = len(trajectory) - samples
+    if spare <= 0:
+        return trajectory
+    velocity = np.diff(trajectory.position) / np.diff(trajectory.time)
+    powers = np.stack((velocity**2, np.diff(trajectory.force) ** 2))
+    sums = np.pad(np.cumsum(powers, axis=1), ((0, 0), (1, 0)))
+    # Neighbours overlap by half.
+    starts = np.linspace(0, spare, 1 + int(np.ceil(2 * spare / samples))).astype(np.intp)
+    starts = np.append(spare // 2, starts)
+    excited = np.prod(sums[:, starts + samples - 1] - sums[:, starts], axis=0)
+    best = int(np.argmax(excited))
+    if excited[best] <= 0:
+        return trajectory
+    first = int(starts[best if excited[0] < _AS_EXCITED * excited[best] else 0])
+    return trajectory.part(slice(first, first + samples))

@@ -848,6 +848,11 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_identify.py -k many_fast_samples",
         ("a delay beside the scan's steps", "for _ in range(_MOST_MOVES):", "for _ in range(1):"),
     ),
+    *_of(
+        "identification/trajectory.py",
+        "tests/test_long_logs.py -k where_the_device_is_driven",
+        ("a part that is driven", "first = int(starts[best if", "first = int(starts[0 if"),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

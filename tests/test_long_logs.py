@@ -44,6 +44,16 @@ def test_a_long_log_is_told_from_its_most_excited_part(monkeypatch: pytest.Monke
     assert (seen.samples, seen.fitted) == (40_000, 10_000)
 
 
+@pytest.mark.parametrize("still", [slice(5_000, 15_000), slice(0, 15_400)], ids=["paused", "late"])
+def test_the_delay_is_looked_for_where_the_device_is_driven(still: slice) -> None:
+    """Nothing, or nearly nothing, is driven in the middle."""
+    found = identify(Trajectory(**_log(20_000, still=still))).device
+    assert found.delay is not None
+    for quantity, true in ((found.mass, MASS), (found.damping, DAMPING), (found.delay, STEP)):
+        assert quantity.low <= true <= quantity.high
+        assert quantity.value == pytest.approx(true, rel=0.02)
+
+
 def test_a_change_in_the_part_left_out_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last quarter is of a device of another mass: its force is doubled there."""
     monkeypatch.setattr("identification.trajectory.MOST_FITTED", 10_000)

@@ -36,7 +36,7 @@ from identification.estimators.signals import (
     of_rows,
     unknown_intervals,
 )
-from identification.trajectory import Trajectory
+from identification.trajectory import Trajectory, excited_part
 
 FloatArray = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ _FINER = (0.5, 0.1, 0.02)
 _MOST_MOVES = 8
 #: Scans: the direction of motion is refined at the delay of the scan before.
 _ROUNDS = 2
-#: Samples of the rough scan, from the middle of the log.
+#: Samples of the rough scan.
 _ROUGH = 1 << 13
 #: A residual is loud from this part of the force on, rms, and this many mean squares of noise.
 #: Noise beside a resonance near the cut-off looks like a lighter device there.
@@ -518,19 +518,17 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
     width = max(_SCAN_STEP / step, _SCAN_SAMPLES)
     grid = np.linspace(0, most, 1 + int(np.ceil(most / width)))
     # The rough scan needs no more than a part of a long log.
-    first = max(0, (len(trajectory) - _ROUGH) // 2)
-    part = table
-    if len(trajectory) > _ROUGH:
-        middle = trajectory.part(slice(first, first + _ROUGH))
-        longest = longest_delay(middle.sample_time, len(trajectory))
-        part = prepare(middle, table.model, longest, refine=False)
+    rough, part = excited_part(trajectory, _ROUGH), table
+    if rough is not trajectory:
+        longest = longest_delay(rough.sample_time, len(trajectory))
+        part = prepare(rough, table.model, longest, refine=False)
     best = 0.0
     for _ in range(_ROUNDS):
         best = _lowest(grid, _costs(part, _basis(part), grid))
         before, part = part, part.refined(best * step)
         if part is before:
             break
-    if len(trajectory) <= _ROUGH:
+    if rough is trajectory:
         table = part
     basis = np.empty(0)
     for finer in _FINER:

@@ -22,12 +22,12 @@ from identification.estimators.estimate import Estimate, Solution, solve_separab
 from identification.estimators.filters import LowPass, recursive
 from identification.estimators.least_squares import LEAST, LOUD, Regression, prepare
 from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
-from identification.trajectory import NORMAL_95, Trajectory
+from identification.trajectory import NORMAL_95, Trajectory, excited_part
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-#: Rows looked at, from the middle of the log; more add time, not truth.
+#: Rows looked at; more add time, not truth.
 _LONGEST = 1 << 15
 #: A kind leaves at most this part of the mean square of the residual that is not noise, play, whose
 #: impacts no model follows, the second; at most these parts of what a delay and a simpler kind
@@ -480,13 +480,12 @@ def find_dynamics(
 
 
 def _looked_at(log: Trajectory, table: Regression, late: float) -> Regression:
-    """The regression of a log, or of the middle of a long one."""
-    if len(log) <= _LONGEST:
+    """The regression of a log, or of a part of a long one."""
+    part = excited_part(log, _LONGEST)
+    if part is log:
         return table
-    first = (len(log) - _LONGEST) // 2
     room = table.known * table.signals.step
-    part = prepare(log.part(slice(first, first + _LONGEST)), table.model, room, refine=False)
-    return part.refined(late)
+    return prepare(part, table.model, room, refine=False).refined(late)
 
 
 def _described(

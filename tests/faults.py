@@ -853,6 +853,12 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_long_logs.py -k where_the_device_is_driven",
         ("a part that is driven", "first = int(starts[best if", "first = int(starts[0 if"),
     ),
+    *_of(
+        "identification/findings/lost_rows.py",
+        "tests/test_findings.py -k too_fast",
+        ("a jump that a narrow cubic leaves", "if not _jumps(traj", "if 0 and _jumps(traj"),
+        ("a step longer than a cubic", "< _JUMPS * long.size:", "< -np.inf:"),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

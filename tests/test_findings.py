@@ -197,6 +197,17 @@ def test_noise_that_makes_long_steps_makes_as_many_short_ones_and_loses_no_row(s
     assert "lost-rows" not in {each.code for each in inspect(noisy, None)}
 
 
+@pytest.mark.parametrize("hertz", [20.0, 60.0])
+def test_a_sweep_too_fast_for_cubics_lost_no_row(hertz: float) -> None:
+    """A period of it is 25 and 8 rows long at its end."""
+    time: Array = 2e-3 * np.arange(5000, dtype=np.float64)
+    force = 5 * np.sin(2 * np.pi * (0.5 * time + (hertz - 0.5) * time**2 / 20))
+    axis = Axis(mass=1.0, damping=4.0, coulomb=0.3, sample_time=2e-3, delay=2e-3)
+    place = positions(axis, force[:, None])[:, 0]
+    swept = log(force, counted(place, 1e-6), time)
+    assert "lost-rows" not in {each.code for each in inspect(swept, None)}
+
+
 @pytest.mark.parametrize("counts", [5.0, 20.0])
 def test_noise_on_a_fine_encoder_is_no_unit(counts: float) -> None:
     noise = counts * 1e-7 * np.random.default_rng(4).standard_normal(len(plain()))

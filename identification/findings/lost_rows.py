@@ -117,6 +117,12 @@ def _read(column: FloatArray, noise: float) -> tuple[NDArray[np.bool_], FloatArr
     clear &= near[:, 0] * near[:, 3] > 0
     excess = np.divide(steps[2:-2], usual, out=np.ones(usual.size), where=clear) - 1
     whole = np.where(np.abs(excess - np.rint(excess)) <= _WHOLE, np.rint(excess), 0.0)
+    # The top of a fast sine is longer than its neighbours too, but no longer than a cubic of them.
+    long = np.flatnonzero(whole > 0)
+    cubic = (4 * (steps[1:-3] + steps[3:-1]) - steps[:-4] - steps[4:])[long] / 6
+    beyond = (steps[long + 2] - cubic) / (whole * usual)[long]
+    if np.sum(beyond) < _JUMPS * long.size:
+        whole = np.minimum(whole, 0.0)
     return np.pad(clear, 2), np.pad(np.maximum(whole, 0.0), 2), int(np.sum(whole < 0))
 
 
@@ -150,6 +156,11 @@ def _suspected(trajectory: Trajectory, noise: float) -> Restored:
     # Rows beside a loss see it too; one of them counts.
     long, short = (int(np.sum(np.diff(each, prepend=-_WIDE) >= _WIDE)) for each in near)
     if long < max(_FEWEST_WIDE, _WIDELY_SURE * short, short + _MORE * np.sqrt(long + short)):
+        return Restored(trajectory=trajectory)
+    # Motion too fast for the wide cubic leaves jumps as well, but none beside the narrower one.
+    runs = np.split(near[0], np.flatnonzero(np.diff(near[0]) >= _WIDE) + 1)
+    best = np.array([each[np.argmax(np.abs(jump[each]))] for each in runs]) + _WIDE - 1
+    if not _jumps(trajectory.position, noise, best, np.ones(best.size)):
         return Restored(trajectory=trajectory)
     first = float(trajectory.time[near[0][0] + _WIDE - 1])
     share = long / int(clear.sum())

@@ -149,7 +149,7 @@ def identify(
     clocked = [_clocked(log, hardware) for log in trajectories]
     timed = [
         restored(log)
-        if any(each.code == "lost-rows" for each in found)
+        if {"lost-rows", "repeated-rows"} & {each.code for each in found}
         else Restored(trajectory=log)
         for log, found in zip(clocked, noticed, strict=True)
     ]

@@ -859,6 +859,12 @@ FAULTS: tuple[Fault, ...] = (
         ("a jump that a narrow cubic leaves", "if not _jumps(traj", "if 0 and _jumps(traj"),
         ("a step longer than a cubic", "< _JUMPS * long.size:", "< -np.inf:"),
     ),
+    *_of(
+        "identification/findings/lost_rows.py",
+        "tests/test_findings.py -k 'twice'",
+        ("time that a repeated row did not take", "np.where(again, 0.0, ", "np.where(again, 1.0, "),
+        ("rows at another rate", "if regular or share", "if share"),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

@@ -197,6 +197,30 @@ def test_noise_that_makes_long_steps_makes_as_many_short_ones_and_loses_no_row(s
     assert "lost-rows" not in {each.code for each in inspect(noisy, None)}
 
 
+@pytest.mark.parametrize("part", [0.02, 0.1])
+def test_rows_written_twice_are_named_and_taken_out(part: float) -> None:
+    whole = plain()
+    chosen = np.random.default_rng(8).random(len(whole)) < part
+    rows = np.repeat(np.arange(len(whole)), np.where(chosen, 2, 1))
+    twice = log(whole.force[rows], whole.position[rows])
+    found = identify(twice)
+    (named,) = [each for each in found.findings if each.code == "repeated-rows"]
+    assert abs(float(named.seen.split()[0]) / np.count_nonzero(chosen) - 1) < 0.2
+    mass, truth = found.device.mass, identify(whole).device.mass.value
+    assert mass.low < truth < mass.high
+    assert mass.value == pytest.approx(truth, rel=0.005)
+
+
+@pytest.mark.parametrize("rows", [1.05, 2, 3])
+def test_a_log_of_a_slower_controller_has_no_row_twice(rows: float) -> None:
+    """Nor has one of which only the position is read as seldom."""
+    whole = plain()
+    seldom = (np.arange(len(whole)) // rows).astype(np.intp)
+    for force in (whole.force, whole.force[seldom]):
+        found = inspect(log(force, whole.position[seldom]), None)
+        assert "repeated-rows" not in {each.code for each in found}
+
+
 @pytest.mark.parametrize("hertz", [20.0, 60.0])
 def test_a_sweep_too_fast_for_cubics_lost_no_row(hertz: float) -> None:
     """A period of it is 25 and 8 rows long at its end."""

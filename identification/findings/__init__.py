@@ -71,6 +71,7 @@ CODES = (
     "backlash",
     "load-friction",
     "lost-rows",
+    "repeated-rows",
     "axes-not-told-apart",
 )
 

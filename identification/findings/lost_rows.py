@@ -1,9 +1,10 @@
-"""Rows that were lost from a log whose others were numbered anew, and the time put back.
+"""Rows lost from a log, or written twice, the others numbered anew, and the time put right.
 
 Where a row is lost every column moves in one step as far as in two. A step is clear where it stands
 out of noise and bending beside its neighbours: nearly every step of a planned force or a set-point,
 and the fast ones of a position. Clear steps are given the time of the rows lost in them, the others
 their even share. Where no column is clear, jumps of position tell at least that rows are lost.
+Rows equal to those before them, beside steps that are clear, were written twice.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate
-from identification.trajectory import Trajectory, position_noise
+from identification.trajectory import SHORTEST, Trajectory, encoder_count, position_noise
 
 FloatArray = NDArray[np.float64]
 
@@ -35,16 +36,22 @@ _FEWEST_WIDE, _WITHIN, _WIDELY_SURE, _MORE = 15, 0.4, 2, 3.0
 #: Part of the rows lost up to which the log stands as it is, and up to which time is put back ...
 _HARMLESS, _MOST_LOST = 0.002, 0.2
 _DOUBTED = 0.0025  # ... if chance leaves its length in doubt by this part at most, one deviation.
+#: Rows alike that are no rest, at most. Where a force is clear and stands still, position does as
+#: well in this part at least; where it is clear, in the second at most. Rows so nearly at their
+#: usual distance, in the last part of them, are those of another rate.
+_MOST_ALIKE, _BOTH, _SELDOM, _NEARLY, _REGULAR = 3, 0.9, 0.5, 0.1, 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Restored:
-    """A log with the time of the rows that it lost, or as it was."""
+    """A log with the time of the rows that it lost or has twice, or as it was."""
 
     trajectory: Trajectory
-    share: float = 0.0  # rows lost for each that is left
+    code: str = "lost-rows"
+    share: float = 0.0  # rows lost for each that is left, or repeated for each row
     doubt: float = 0.0  # deviation of the length of time, a part of it
-    first: float = 0.0  # first loss, s
+    first: float = 0.0  # first loss or repeat, s
+    rows: int = 0  # repeated
 
     @property
     def usable(self) -> bool:
@@ -61,11 +68,24 @@ class Restored:
 
 
 def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
-    """``lost-rows``: steps that are two steps of the motion, with no gap in time."""
+    """``lost-rows`` and ``repeated-rows``: steps of two steps or none, with no gap in time."""
     found = restored(trajectory)
     if found.share == 0:
         return
     refused = found.share > _HARMLESS and not found.usable
+    if found.code == "repeated-rows":
+        done = "they are taken out" if found.usable else "how many others are is not told"
+        yield Finding(
+            code=found.code,
+            severity="refusal" if refused else "warning",
+            seen=f"{found.rows} rows of {trajectory.source}, {found.share:.1%} of the clear ones, "
+            f"are equal to the row before in mid-motion, the first after {found.first:g} s; {done}",
+            needed="each row once" if found.usable else f"at most {_HARMLESS:.1%}",
+            remedy="Log each sample once, with the controller's own time or its counter of "
+            "samples, and give that as time.",
+            at=((found.first, found.first),),
+        )
+        return
     done = "time is put back there" if found.usable else "too few are clear to put time back"
     yield Finding(
         code="lost-rows",
@@ -85,9 +105,11 @@ def restored(trajectory: Trajectory) -> Restored:
     step, place = trajectory.steps, trajectory.position
     if isinstance(step, np.ndarray):
         return Restored(trajectory=trajectory)
+    once = _once(trajectory)
+    if once is not None:
+        return once
     noise = position_noise(place, trajectory.force, step)
-    planned = [each for each in (trajectory.force, trajectory.reference) if each is not None]
-    reads = [_read(place, noise), *(_read(each, _roughness(each)) for each in planned)]
+    reads = _reads(trajectory, noise)
     clear = np.any([each[0] for each in reads], axis=0)
     lost = np.max([each[1] for each in reads], axis=0)
     rows = np.flatnonzero(lost)
@@ -100,6 +122,74 @@ def restored(trajectory: Trajectory) -> Restored:
     found = Restored(trajectory=trajectory, share=share, doubt=doubt, first=first)
     timed = replace(trajectory, time=trajectory.time[0] + time)
     return replace(found, trajectory=timed) if found.usable else found
+
+
+def _once(trajectory: Trajectory) -> Restored | None:
+    """The log without the rows it has twice in mid-motion; None if it has none, or at a rate."""
+    still = {name: np.diff(column) == 0 for name, column in trajectory.columns()}
+    same = np.all([each for name, each in still.items() if name != "time"], axis=0)
+    edges = np.flatnonzero(np.diff(same, prepend=False, append=False)).reshape(-1, 2)
+    for first, end in edges[np.diff(edges)[:, 0] > _MOST_ALIKE]:  # at rest
+        same[first:end] = False
+    single = np.append(True, ~same)
+    if np.count_nonzero(same) < _FEWEST_LONG or np.count_nonzero(single) < SHORTEST:
+        return None
+    left = _of_rows(trajectory, single, trajectory.time[: np.count_nonzero(single)])
+    reads = _reads(left, position_noise(left.position, left.force, left.sample_time))
+    # A force of another rate stands still where position may do so by its counts.
+    count = encoder_count(left.force)
+    rough = max(_roughness(left.force), 0.0 if count is None else count / np.sqrt(12.0))
+    driven, rows = _read(left.force, rough)[0], np.cumsum(single) - 1
+    held, place = driven & (np.diff(left.force) == 0), np.diff(left.position) == 0
+    both = np.count_nonzero(driven[np.minimum(rows[:-1][same], driven.size - 1)])
+    alone = np.count_nonzero(held) > (1 - _BOTH) * both
+    if alone or np.count_nonzero(driven & place) > _SELDOM * np.count_nonzero(driven):
+        driven = np.zeros_like(driven)
+    told = _on_both_sides(reads[0][0]) | _on_both_sides(driven)
+    again = same & told[rows[:-1]]
+    out, lost = np.flatnonzero(again), np.max([each[1] for each in reads], axis=0)
+    if out.size < max(_FEWEST_LONG, _SURE * np.count_nonzero(lost)):
+        return None
+    apart = np.diff(out)
+    usual = float(np.median(apart))
+    regular = np.mean(np.abs(apart - usual) <= max(_NEARLY * usual, 1.0)) > _REGULAR
+    share, part = out.size / (out.size + np.count_nonzero(told)), float(np.mean(told))
+    if regular or share > _MOST_LOST:
+        return None
+    found = Restored(
+        trajectory=trajectory,
+        code="repeated-rows",
+        share=share,
+        doubt=share / np.sqrt(out.size) * (1 - part),
+        first=float(trajectory.time[out[0]]),
+        rows=out.size,
+    )
+    if not found.usable:
+        return found
+    steps = np.where(again, 0.0, np.where(told[rows[:-1]], 1.0, 1 - share))
+    time = trajectory.time[0] + trajectory.sample_time * np.append(0.0, np.cumsum(steps))
+    kept = np.append(True, ~again)
+    return replace(found, trajectory=_of_rows(trajectory, kept, time[kept]))
+
+
+def _on_both_sides(clear: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Rows whose step before and step after are clear, shape (n,) of shape (n - 1,)."""
+    return np.append(False, clear) & np.append(clear, False)
+
+
+def _of_rows(trajectory: Trajectory, kept: NDArray[np.bool_], time: FloatArray) -> Trajectory:
+    """Some rows of a log, with other stamps."""
+    columns = {name: column[kept] for name, column in trajectory.columns()}
+    return replace(trajectory, **{**columns, "time": time})
+
+
+def _reads(trajectory: Trajectory, noise: float) -> list[tuple[NDArray[np.bool_], FloatArray, int]]:
+    """What position, force and set-point say, in this order."""
+    planned = [each for each in (trajectory.force, trajectory.reference) if each is not None]
+    return [
+        _read(trajectory.position, noise),
+        *(_read(each, _roughness(each)) for each in planned),
+    ]
 
 
 def _roughness(column: FloatArray) -> float:

@@ -49,6 +49,14 @@ def renumbered(log: RawLog, part: float, seed: int) -> RawLog:
     return replace(kept, time=log.time[: kept.time.size])
 
 
+def repeated(log: RawLog, part: float, seed: int) -> RawLog:
+    """Rows written twice at random, all numbered anew."""
+    generator, count = np.random.default_rng(seed), log.time.size
+    again = generator.choice(count, int(part * count), replace=False)
+    rows = np.sort(np.append(np.arange(count), again))[:count]
+    return replace(log, force=log.force[rows], position=log.position[rows])
+
+
 def backward(log: RawLog, rows: int, by: float, seed: int) -> RawLog:
     """Stamps that go back by ``by`` s in so many rows; a clock set to 0 midway if that is none."""
     time = log.time.copy()

@@ -88,6 +88,10 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
             arrays.renumbered(log, part, seed)
             for log, part in zip(three, (0.002, 0.02, 0.1), strict=True)
         ),
+        "repeated-rows": lambda: tuple(
+            arrays.repeated(log, part, seed)
+            for log, part in zip(three, (0.002, 0.02, 0.1), strict=True)
+        ),
         "not-stated": lambda: tuple(arrays.in_units(log, force=1 / 30) for log in three),
         "drive-lag": lambda: machines.lagging(seed),
         "vibration-mode": lambda: machines.vibrating(seed),

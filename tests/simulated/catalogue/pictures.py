@@ -127,6 +127,9 @@ _STEPS = View(abscissa=_TIME, ordinate="step, ms", points=_steps, style=".")
 _SPEED = View(abscissa="velocity, m/s", ordinate=_N, points=_over_velocity, style=",")
 _LEFT = View(abscissa=_TIME, ordinate="unexplained force, N", points=_unexplained_over_time)
 _PLACE = View(abscissa=_MM, ordinate=_N, points=_over_position, style=",")
+_MOVES = View(
+    abscissa=_TIME, ordinate="step of position, mm", points=_moves, style=".", seconds=0.5
+)
 
 #: What tells a code, where unexplained force over time does not.
 VIEWS: dict[str, View] = {
@@ -137,9 +140,8 @@ VIEWS: dict[str, View] = {
     "force-unit": _FORCE,
     "not-stated": _FORCE,
     "dropped-samples": _STEPS,
-    "lost-rows": View(
-        abscissa=_TIME, ordinate="step of position, mm", points=_moves, style=".", seconds=0.5
-    ),
+    "lost-rows": _MOVES,
+    "repeated-rows": _MOVES,
     "jitter": _STEPS,
     "clock-backward": _STEPS,
     "encoder-wrap": _POSITION,

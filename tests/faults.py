@@ -865,6 +865,11 @@ FAULTS: tuple[Fault, ...] = (
         ("time that a repeated row did not take", "np.where(again, 0.0, ", "np.where(again, 1.0, "),
         ("rows at another rate", "if regular or share", "if share"),
     ),
+    *_of(
+        "identification/findings/force_balance.py",
+        "tests/test_findings.py -k holds_at_rest",
+        ("what friction holds at rest", "self.direction)) * standing", "self.direction)) * 0"),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

@@ -221,6 +221,19 @@ def test_a_log_of_a_slower_controller_has_no_row_twice(rows: float) -> None:
         assert "repeated-rows" not in {each.code for each in found}
 
 
+def test_what_friction_holds_at_rest_is_no_hand() -> None:
+    """Friction of 3 N holds the device against steps of 1.5 to 5 N: all within the model."""
+    generator = np.random.default_rng(0)
+    held = generator.integers(50, 400, 60)
+    levels = 5 * generator.uniform(0.3, 1, held.size) * (-1.0) ** np.arange(held.size)
+    force: Array = np.repeat(levels, held)[:8_000, None]
+    axis = Axis(mass=1.0, damping=4.0, coulomb=3.0, delay=STEP)
+    found, known = findings_of(log(force[:, 0], counted(positions(axis, force)[:, 0], COUNT)))
+    assert "hand-on-device" not in {each.code for each in found}
+    assert known is not None
+    assert known.device.mass.value == pytest.approx(1.0, rel=0.02)
+
+
 @pytest.mark.parametrize("hertz", [20.0, 60.0])
 def test_a_sweep_too_fast_for_cubics_lost_no_row(hertz: float) -> None:
     """A period of it is 25 and 8 rows long at its end."""

@@ -527,16 +527,23 @@ def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool
     place, force = trajectory.position, trajectory.force
     stated = None if hardware is None else hardware.encoder_resolution
     known = 0.0 if stated is None else stated.value
-    fine = max(known, finest_reading(place, force))
+    still, width = standing(trajectory, max(known, finest_reading(place, force)))
+    if not still.any():
+        return np.zeros(place.size - 1, dtype=np.bool_)
+    still &= running_range(force, width) >= _CHANGE * float(np.ptp(force))
+    covered = running_maximum(still.astype(np.float64), width) > 0
+    return covered[:-1] & covered[1:]
+
+
+def standing(trajectory: Trajectory, fine: float) -> tuple[NDArray[np.bool_], int]:
+    """About which samples position stays within its resolution, in m, and about how many each."""
+    place = trajectory.position
     # Over spans long enough for the noise of a reading not to count as speed.
     span = max(1, place.size // 200)
     speed = float(np.sqrt(np.mean((place[span:] - place[:-span]) ** 2))) / span
     if speed == 0:  # a cycle of exactly this span
-        return np.zeros(place.size - 1, dtype=np.bool_)
+        return np.zeros(place.size, dtype=np.bool_), 1
     width = 2 * (int(max(_FEWEST_SAMPLES, _FURTHER * _STANDING * fine / speed)) // 2) + 1
     if width >= _LONGEST_WINDOW * place.size:
-        return np.zeros(place.size - 1, dtype=np.bool_)
-    changes = running_range(force, width) >= _CHANGE * float(np.ptp(force))
-    still = changes & (running_range(place, width) <= _STANDING * fine)
-    covered = running_maximum(still.astype(np.float64), width) > 0
-    return covered[:-1] & covered[1:]
+        return np.zeros(place.size, dtype=np.bool_), 1
+    return running_range(place, width) <= _STANDING * fine, width

@@ -94,6 +94,18 @@ class ForceBalance:
         """Force that ``plant`` and more columns, each (rows,), leave over, N, shape (rows,)."""
         return least_squares_residual(np.column_stack((self.plant, *more)), self.force)
 
+    def unlogged(self, standing: NDArray[np.bool_], *more: FloatArray) -> FloatArray:
+        """What ``plant`` and more columns leave over in motion, and at rest beyond friction, N.
+
+        Where the device stands, friction is whatever the force is, up to Coulomb's; shape (rows,).
+        """
+        columns = np.column_stack((self.plant, *more))
+        told = self.moving | (np.count_nonzero(self.moving) < _FEWEST)
+        weights = solve(columns[told], self.force[told])
+        left: FloatArray = self.force - columns @ weights
+        held = max(float(weights[2]), 0.0) * (1 - np.abs(self.direction)) * standing
+        return np.sign(left) * np.maximum(np.abs(left) - held, 0.0)
+
     def __len__(self) -> int:
         return self.time.size
 

@@ -18,13 +18,15 @@ from identification.estimators.estimate import (
     symmetric_inverse,
     unit_columns,
 )
+from identification.estimators.motion import running_maximum
+from identification.findings.columns import standing
 from identification.findings.force_balance import (
     ForceBalance,
     balance_at,
     even_sizes,
     least_squares_residual,
 )
-from identification.trajectory import Trajectory
+from identification.trajectory import Trajectory, finest_reading
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -218,7 +220,7 @@ def unlogged(
     """
     steady = float(np.mean(balance.force)) if balance.one_way else 0.0
     force = float(np.hypot(np.std(balance.force), steady))
-    slow, spring = _slow(balance), 0.0
+    slow, spring = _slow(trajectory, balance), 0.0
     if not balance.one_way:  # there a force of position would explain one of time
         slow = min(slow, unexplained * force)
         gain, further = _position_force(balance)
@@ -283,12 +285,22 @@ def _tremor(
     def power(density: FloatArray, band: tuple[float, float]) -> float:
         return float(np.mean(density[(frequency >= band[0]) & (frequency <= band[1])]))
 
-    left = rows.unexplained(rows.carried, _powers_of(rows.position))
+    left = rows.unlogged(_at_rest(trajectory, rows), rows.carried, _powers_of(rows.position))
     rest, whole = (_density(each, step, piece) for each in (left, rows.force))
     shaking, beside = power(rest, TREMOR), np.sqrt(power(rest, _BELOW) * power(rest, _ABOVE))
     driven = not held and shaking < _UNDRIVEN * power(whole, TREMOR)
     peak = 0.0 if driven or beside == 0 else float(shaking / beside)
     return float(np.sqrt(shaking * (TREMOR[1] - TREMOR[0]))), peak
+
+
+def _at_rest(trajectory: Trajectory, rows: ForceBalance) -> BoolArray:
+    """In which rows the device stands for some time."""
+    still, width = standing(trajectory, finest_reading(trajectory.position, trajectory.force))
+    stands = np.append(0, np.cumsum(running_maximum(still.astype(np.float64), width) > 0))
+    # Rows follow each other by half of the half-width of their windows.
+    reach = 2 * float(np.median(np.diff(rows.time)))
+    first, last = (np.searchsorted(trajectory.time, rows.time + off) for off in (-reach, reach))
+    return stands[last] > stands[first]
 
 
 def _density(column: FloatArray, step: float, piece: int) -> FloatArray:
@@ -303,9 +315,11 @@ def _density(column: FloatArray, step: float, piece: int) -> FloatArray:
     return 2 * step / float(window @ window) * np.mean(np.abs(lines) ** 2, axis=0)
 
 
-def _slow(balance: ForceBalance) -> float:
+def _slow(trajectory: Trajectory, balance: ForceBalance) -> float:
     """Rms of what is left over below SLOW, a force of position taken out, N."""
-    left = balance.unexplained(_powers_of(balance.position), balance.carried)
+    left = balance.unlogged(
+        _at_rest(trajectory, balance), _powers_of(balance.position), balance.carried
+    )
     step = float(np.median(np.diff(balance.time)))
     spectrum = np.fft.rfft(left)
     spectrum[np.fft.rfftfreq(left.size, step) > SLOW] = 0

@@ -779,6 +779,11 @@ FAULTS: tuple[Fault, ...] = (
         ("an axis with the other sign", "except NoMassError:", "except ZeroDivisionError:"),
     ),
     *_of(
+        "identification/estimators/reciprocity.py",
+        "tests/test_units_of_axes.py",
+        ("rows of two axes that contradict each other", "<= least:", ">= 0:"),
+    ),
+    *_of(
         "tune/optimisation/problem.py",
         "tests/test_optimise.py -k proved",
         (

@@ -48,6 +48,11 @@ class JointModel:
         return tuple(combinations_with_replacement(range(len(self.axes)), 2))
 
     @property
+    def across(self) -> tuple[int, ...]:
+        """Places of the pairs of two axes among all pairs."""
+        return tuple(place for place, (one, other) in enumerate(self.pairs) if one != other)
+
+    @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the unknowns, in the order of every vector and matrix."""
         return entry_names(self.axes) + self.by_axis
@@ -291,6 +296,20 @@ class Rows:
     target: FloatArray  # filtered force, shape (rows,)
     parasitic: FloatArray  # what noise of readings adds to the square of each column, shape (p,)
     scale: FloatArray  # what each axis was divided by, N
+
+    def with_halves(self, model: JointModel) -> Rows:
+        """With the antisymmetric part of both matrices, which a device does not have.
+
+        Its entries above the diagonal, of mass, then of damping, follow the other unknowns.
+        """
+        pairs, across = model.pairs, model.across
+        at = [*across, *(len(pairs) + place for place in across)]
+        halves = self.columns[at]
+        axis = np.arange(self.target.size) % len(model.axes)
+        for place, half in zip(2 * across, halves, strict=True):
+            half[axis == pairs[place][1]] *= -1
+        parasitic = np.append(self.parasitic, self.parasitic[at])
+        return replace(self, columns=np.concatenate((self.columns, halves)), parasitic=parasitic)
 
     @classmethod
     def of(

@@ -121,17 +121,31 @@ def fit_jointly(
 
 
 def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
-    """Least squares, or the rows tested against columns that are free of the log's own noise.
+    """Least squares, or the rows tested against columns that are free of the log's own noise."""
+    positions = noise_free_positions(prepared) if method == "instruments" else None
+    values, around = solve_rows(prepared, positions)
+    return _estimate(prepared, method, values, around)
 
-    What half and twice the cut-off move is one more standard deviation, as of one axis.
+
+def solve_rows(
+    prepared: JointLog,
+    positions: Sequence[Sequence[FloatArray]] | None,
+    *,
+    symmetric: bool = True,
+) -> tuple[FloatArray, Spread]:
+    """Unknowns of the filtered rows, shape (p,), and their spread; SI units.
+
+    Instruments are columns of the positions, of each log (n,) an axis, m; least squares where they
+    are None. Matrices that are not ``symmetric`` have more unknowns, see ``Rows.with_halves``. What
+    half and twice the cut-off move is one more standard deviation, as of one axis.
     """
-    positions = _noise_free(prepared) if method == "instruments" else None
 
     def tested(log: JointLog) -> tuple[FloatArray, Rows, FloatArray]:
-        rows = Rows.of(log)
+        rows = Rows.of(log) if symmetric else Rows.of(log).with_halves(log.model)
         if positions is None:
             return rows.solve(), rows, rows.columns
-        tests = Rows.of(log, positions).columns
+        seen = Rows.of(log, positions)
+        tests = (seen if symmetric else seen.with_halves(log.model)).columns
         return solve_instrumental(tests, rows.columns, rows.target), rows, tests
 
     values, rows, tests = tested(prepared)
@@ -143,11 +157,10 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
     residual = rows.target - values @ rows.columns
     around = spread(rows.columns, residual, len(values), signal=rows.target, instruments=tests)
     shift = (high - low) / 2
-    around = replace(around, covariance=around.covariance + np.outer(shift, shift))
-    return _estimate(prepared, method, values, around)
+    return values, replace(around, covariance=around.covariance + np.outer(shift, shift))
 
 
-def _noise_free(prepared: JointLog) -> Sequence[Sequence[FloatArray]]:
+def noise_free_positions(prepared: JointLog) -> Sequence[Sequence[FloatArray]]:
     """Positions that references explain, or, in open loop, those that the forces make."""
     explained = [[explained_by_reference(t) for t in part.tables] for part in prepared.parts]
     known = [[each for each in part if each is not None] for part in explained]

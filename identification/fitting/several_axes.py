@@ -8,7 +8,7 @@ left.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
@@ -30,6 +30,7 @@ from identification.estimators.joint_fits import (
 )
 from identification.estimators.least_squares import find_delay, longest_delay, prepare
 from identification.estimators.motion import distinguishable_terms
+from identification.estimators.reciprocity import UnequalCoupling, unequal_couplings
 from identification.findings import inspect
 from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
 from identification.trajectory import (
@@ -68,6 +69,7 @@ class _JointFit:
     alone: tuple[LogFit, ...]  # of each axis, from the log that drives it most
     reason: str
     apart: float  # least eigenvalue of the correlations of the accelerations
+    unequal: tuple[UnequalCoupling, ...]  # contradictions between the rows of two axes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +145,9 @@ def fit_axes(
     noticed = [
         found
         + tuple(_of_axis(each, fit) for fit in joint.alone for each in fit.findings)
-        + tuple(each.of(_sources(joint.logs)) for each in _not_told_apart(joint))
+        + tuple(
+            each.of(_sources(joint.logs)) for each in (*_not_told_apart(joint), *_unequal(joint))
+        )
         for found, joint in zip(noticed, fits, strict=True)
     ]
     refuse(noticed, allow)
@@ -267,7 +271,15 @@ def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware | None, method: M
     bends = [[table.columns[0] for table in part.tables] for part in prepared.parts]
     together = np.stack([np.concatenate(each) for each in zip(*bends, strict=True)])
     apart = float(np.linalg.eigvalsh(np.corrcoef(together))[0])
-    return _JointFit(logs=logs, estimate=estimate, alone=alone, reason=reason, apart=apart)
+    heavy = bool(np.all(np.diag(estimate.matrices[0]) > 0))  # what is to blame is told otherwise
+    return _JointFit(
+        logs=logs,
+        estimate=estimate,
+        alone=alone,
+        reason=reason,
+        apart=apart,
+        unequal=unequal_couplings(prepared, estimate) if heavy else (),
+    )
 
 
 def _fitted_alone(
@@ -391,6 +403,33 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
                     ),
                 )
     return ()
+
+
+def _unequal(joint: _JointFit) -> Iterator[Finding]:
+    """``force-unit`` where an axis couples to another otherwise than that to the first."""
+    units = {"mass": "kg", "damping": "N·s/m"}
+    if joint.logs[0].motion == "rotary":
+        units = {"mass": "kg·m²", "damping": "N·m·s/rad"}
+    for each in joint.unequal:
+        one, other = each.axes
+        unit, ratio = units[each.which], each.ratio
+        small, large = (other, one) if abs(ratio) > 1 else (one, other)
+        size = max(abs(ratio), 1 / abs(ratio))
+        blame = (
+            f"The force or the position of {small} reads {size:.3g} times too small, or one of "
+            f"{large} as much too large"
+        )
+        if ratio < 0:
+            blame = f"The force or the position of {one} or of {other} has the wrong sign"
+        yield Finding(
+            code="force-unit",
+            severity="refusal",
+            seen=f"the {each.which} that couples {one} to {other} is {each.forth:.4g} {unit} in "
+            f"the force of {one} and {each.back:.4g} {unit} in that of {other}, "
+            f"{ratio:.3g} times",
+            needed="the same, as of one device",
+            remedy=f"{blame}: check the columns of each axis, their order, signs, units and gains.",
+        )
 
 
 def _uncoupled(one: str, other: str) -> Finding:

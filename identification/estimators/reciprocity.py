@@ -1,0 +1,98 @@
+"""Reciprocity of a device of several axes: whether one couples to another as that to the first.
+
+The symmetric matrices of a device are of forces and positions that are measured alike. One of
+another scale or sign makes the rows of its axis differ from the columns. A Wald test tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from identification.estimators.joint import JointLog
+from identification.estimators.joint_fits import (
+    JointEstimate,
+    noise_free_positions,
+    solve_rows,
+)
+
+FloatArray = NDArray[np.float64]
+
+#: Couplings differ where no ratio of this at most fits both, at this level of confidence: what a
+#: few percent of a gain move is less than an axis tells of its own.
+_LARGEST_RATIO, _LEVEL = 1.05, 0.999
+_RATIOS = 21
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnequalCoupling:
+    """Entries across the diagonal of a matrix that differ; kg (kg·m²) or N·s/m (N·m·s/rad).
+
+    Attributes:
+        axes: their names.
+        which: the matrix whose entries differ most surely.
+        forth: force on the first axis by the motion of the second.
+        back: force on the second axis by the motion of the first.
+    """
+
+    axes: tuple[str, str]
+    which: Literal["mass", "damping"]
+    forth: float
+    back: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times too small the second axis reads, if the first is right."""
+        return self.forth / self.back
+
+
+def unequal_couplings(prepared: JointLog, estimate: JointEstimate) -> tuple[UnequalCoupling, ...]:
+    """Pairs of axes whose rows of the equations of motion contradict each other.
+
+    The rows are fitted freely; instruments are the positions that the estimate simulates, or those
+    its method has. F test of Λ and D of each pair against every ratio of nearly one.
+    """
+    positions = None
+    if estimate.positions is not None:
+        positions = [list(each) for each in estimate.positions]
+    elif estimate.method == "instruments":
+        positions = noise_free_positions(prepared)
+    values, around = solve_rows(prepared, positions, symmetric=False)
+    model, count = prepared.model, len(prepared.model.pairs)
+    least = float(fisher.ppf(_LEVEL, 2, around.degrees_of_freedom))
+    ratios = np.geomspace(1 / _LARGEST_RATIO, _LARGEST_RATIO, _RATIOS)
+    found: list[UnequalCoupling] = []
+    for place, pair in enumerate(model.across):
+        halves = len(values) - 2 * len(model.across) + place
+        slopes = np.zeros((4, len(values)))  # (above, below) of mass, then of damping
+        for kind, half in enumerate((halves, halves + len(model.across))):
+            slopes[2 * kind : 2 * kind + 2, pair + kind * count] = 1.0
+            slopes[2 * kind : 2 * kind + 2, half] = 1.0, -1.0
+        entries, covariance = slopes @ values, slopes @ around.covariance @ slopes.T
+        if min(_wald(entries, covariance, each) for each in ratios.tolist()) <= least:
+            continue
+        gaps = np.array([entries[0] - entries[1], entries[2] - entries[3]])
+        apart = np.kron(np.eye(2), [1.0, -1.0])
+        surely = np.abs(gaps) / np.sqrt(np.diag(apart @ covariance @ apart.T))
+        kind = int(np.argmax(surely))
+        one, other = model.pairs[pair]
+        found.append(
+            UnequalCoupling(
+                axes=(model.axes[one], model.axes[other]),
+                which="damping" if kind else "mass",
+                forth=float(entries[2 * kind]),
+                back=float(entries[2 * kind + 1]),
+            )
+        )
+    return tuple(found)
+
+
+def _wald(entries: FloatArray, covariance: FloatArray, ratio: float) -> float:
+    """F of entries above being a ratio of those below, in mass and damping at once."""
+    rest = np.kron(np.eye(2), [1.0, -ratio])
+    left = rest @ entries
+    return float(left @ np.linalg.pinv(rest @ covariance @ rest.T, hermitian=True) @ left / 2)

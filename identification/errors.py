@@ -52,9 +52,13 @@ class _GivenError(IdentificationError):
     def __init__(self, subject: str | PathLike[str], problem: str, remedy: str) -> None:
         self.subject = printable(fspath(subject))
         self.problem = printable(problem)
+        self.advise(remedy)
+
+    def advise(self, remedy: str) -> None:
+        """Say this remedy."""
         self.remedy = printable(remedy)
         stop = "" if self.problem.endswith("?") else "."
-        super().__init__(f"{self.subject}: {self.problem}{stop} {self.remedy}")
+        self.args = (f"{self.subject}: {self.problem}{stop} {self.remedy}",)
 
 
 class InvalidInputError(_GivenError):
@@ -74,6 +78,7 @@ class QuestionError(InvalidInputError):
         question: for that fact.
         option: the field of `LogColumns` that takes it.
         choices: what it may be; none for a number.
+        place: of the axis it is of, among several; None of one axis.
     """
 
     def __init__(
@@ -87,6 +92,7 @@ class QuestionError(InvalidInputError):
         choices: Sequence[str] = (),
     ) -> None:
         self.question, self.option, self.choices = question, option, tuple(choices)
+        self.place: int | None = None
         super().__init__(subject, problem, remedy)
 
 

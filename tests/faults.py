@@ -784,6 +784,17 @@ FAULTS: tuple[Fault, ...] = (
         ("rows of two axes that contradict each other", "<= least:", ">= 0:"),
     ),
     *_of(
+        "identification/readers/columns.py",
+        "tests/test_units_of_axes.py",
+        ("a gain of one axis alone", '"," * place, ","', '"", ","'),
+        ("as many gains as axes", "if len(gains[role]) != count:", "if len(gains[role]) > 99:"),
+    ),
+    *_of(
+        "tune/cli/logs.py",
+        "tests/test_terminal.py -k one_axis",
+        ("an answer for one of several axes", "parts[error.place or 0]", "parts[0]"),
+    ),
+    *_of(
         "tune/optimisation/problem.py",
         "tests/test_optimise.py -k proved",
         (

@@ -187,3 +187,13 @@ def test_an_interrupt_that_is_dropped_before_the_answer_is_read_ends_the_questio
     assert terminal.end() == 130, terminal.shown
     assert COLUMNS[0][0] in terminal.shown
     assert "interrupted" in terminal.shown
+
+
+def test_a_unit_of_one_axis_is_asked_for_and_told_for_this_axis() -> None:
+    text = bundled_path("planar.csv").read_text("utf-8").replace("force_y", "force_y [A]", 1)
+    Path("plane.csv").write_text(text, "utf-8")
+    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
+    terminal = _Terminal("identify", "plane.csv", *columns)
+    _answer(terminal, (("per unit of that column", "1"), *FACTS))
+    assert terminal.end() == 0, terminal.shown
+    assert "--force-gain ,1" in terminal.shown

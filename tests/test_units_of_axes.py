@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import identification as ident
-from identification import Hardware, LogRefusedError, identify
+from datasets_synthetic import bundled_path
+from identification import Device, Hardware, LogRefusedError, identify
+from tests.commands import haptune
 from tests.planar import DAMPING, FRICTION, HARDWARE, MASS, motion
 
 
@@ -32,3 +37,63 @@ def test_a_force_of_one_axis_in_another_unit_is_refused(method: ident.Method, ga
     small, large = ("y", "x") if gain < 1 else ("x", "y")
     assert f"position of {small} reads" in found.remedy
     assert f"one of {large} as much too large" in found.remedy
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the bundled log of two axes, y in mm, and its hardware."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(bundled_path("planar.hardware.yaml"), "hardware.yaml")
+    table = np.loadtxt(bundled_path("planar.csv"), delimiter=",", skiprows=1)
+    write(table * [1, 1, 1, 1, 1000])
+    return tmp_path
+
+
+def write(table: np.ndarray[tuple[int, ...], np.dtype[np.float64]], y: str = "position_y") -> None:
+    header = f"time,force_x,force_y,position_x,{y}"
+    np.savetxt("log.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+def identified(*options: str, y: str = "position_y") -> tuple[int, str]:
+    columns = ("--force", "force_x,force_y", "--position", f"position_x,{y}")
+    ended = haptune("identify", "log.csv", *columns, "--hardware", "hardware.yaml", *options)
+    return ended.code, ended.err
+
+
+@pytest.mark.usefixtures("here")
+def test_a_remedy_followed_to_the_letter_mends_one_axis() -> None:
+    """What is in mm gets the gain that the refusal names, for this axis alone."""
+    code, said = identified()
+    assert code == 4
+    assert "log.csv, axis y steps by" in said
+    assert "blank one leaves its axis as it is" in said
+    (gain,) = re.findall(r"in mm: (--position-gain) (\S+)\)", said)
+    assert gain[1] == ",0.001"
+    code, said = identified(*gain)
+    assert code == 0, said
+    device = ident.load_document(Device, "device.yaml")
+    assert device.poses is not None
+    (pose,) = device.poses
+    truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
+    assert np.allclose(pose.mass, truth["mass"], rtol=0.02, atol=0.02)
+
+
+@pytest.mark.usefixtures("here")
+def test_gains_that_fit_no_axes_are_refused() -> None:
+    for gains, code, sentence in (
+        ("1,2,3", 3, "--position-gain: gives 3 numbers for 2 axes"),
+        ("1,0", 3, "--position-gain: is 0, not a finite number other than zero"),
+        ("mm", 2, "--position-gain: 'mm' is no number"),
+    ):
+        assert identified("--position-gain", gains)[0] == code
+        assert sentence in identified("--position-gain", gains)[1]
+    one = ("--force", "force_x", "--position", "position_x", "--force-gain", "1,2")
+    assert "gives 2 numbers for one axis" in haptune("identify", "log.csv", *one).err
+
+
+@pytest.mark.usefixtures("here")
+def test_a_unit_that_no_header_converts_is_asked_for_of_its_axis() -> None:
+    write(np.loadtxt("log.csv", delimiter=",", skiprows=1), y="position_y_deg")
+    code, said = identified(y="position_y_deg")
+    assert code == 3
+    assert "Add --position-gain ,X, m (rad) per deg" in said

@@ -33,6 +33,7 @@ from identification.estimators.motion import distinguishable_terms
 from identification.estimators.reciprocity import UnequalCoupling, unequal_couplings
 from identification.findings import inspect
 from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
+from identification.readers.columns import say_gains_by_axis
 from identification.trajectory import (
     EVEN,
     MOST_FITTED,
@@ -56,7 +57,10 @@ _ALIKE = 1e-3
 _MOST_DELAYS, _SETTLED = 6, 0.2
 #: s, the least standard deviation of a delay.
 _EXACT = 1e-9
-_NEGATED = "Negate the force of {axis} in the log; force is positive along +position."
+_NEGATED = (
+    "Negate the force of {axis} in the log, force being positive along +position; --force-gain -1 "
+    "does that where it is in N (N·m)."
+)
 _APART = "Drive all axes at once with forces of their own (other lines or phases), for longer."
 
 
@@ -144,7 +148,11 @@ def fit_axes(
     fits = tuple(_fitted(each, hardware, method) for each in poses)
     noticed = [
         found
-        + tuple(_of_axis(each, fit) for fit in joint.alone for each in fit.findings)
+        + tuple(
+            _of_axis(each, joint.logs[0].names, place, fit.trajectory.source)
+            for place, fit in enumerate(joint.alone)
+            for each in fit.findings
+        )
         + tuple(
             each.of(_sources(joint.logs)) for each in (*_not_told_apart(joint), *_unequal(joint))
         )
@@ -215,19 +223,26 @@ def poses_of(logs: Sequence[Trajectories]) -> list[tuple[Trajectories, ...]]:
     return poses
 
 
-def _of_axis(finding: Finding, fit: LogFit) -> Finding:
-    """A finding of one axis; what is scaled on the command line is every axis."""
+def _of_axis(finding: Finding, axes: Sequence[str], place: int, source: str) -> Finding:
+    """A finding of one axis, with the remedy for its columns among those of all."""
     if finding.code == "sign-flip":
-        finding = replace(finding, remedy=_NEGATED.format(axis=fit.trajectory.axis))
-    return finding.of(fit.trajectory.source)
+        finding = replace(finding, remedy=_NEGATED.format(axis=axes[place]))
+    said = say_gains_by_axis(finding.remedy, axes, place)
+    return replace(finding, remedy=said).of(source)
 
 
 def _inspected(logs: tuple[Trajectories, ...], hardware: Hardware | None) -> tuple[Finding, ...]:
+    named = [replace(axis, source=_axis_of(axis)) for axis in _driven(logs)]
     return tuple(
-        each.of(f"{axis.source}, axis {axis.axis}")
-        for axis in _driven(logs)
+        _of_axis(each, logs[0].names, place, axis.source)
+        for place, axis in enumerate(named)
         for each in inspect(axis, hardware)
     )
+
+
+def _axis_of(log: Trajectory) -> str:
+    """The log of an axis in words."""
+    return f"{log.source}, axis {log.axis}"
 
 
 def _driven(logs: Sequence[Trajectories]) -> list[Trajectory]:
@@ -290,9 +305,7 @@ def _fitted_alone(
     for axis, place in enumerate(driving_logs(prepared.logs)):
         simulated = None if estimate.positions is None else estimate.positions[place]
         own = prepared.parts[place].alone(axis, estimate.matrices, estimate.delay, simulated)
-        found.append(
-            fit_log(replace(own, source=f"{own.source}, axis {own.axis}"), hardware, "auto")
-        )
+        found.append(fit_log(replace(own, source=_axis_of(own)), hardware, "auto"))
     return tuple(found)
 
 
@@ -428,7 +441,8 @@ def _unequal(joint: _JointFit) -> Iterator[Finding]:
             f"the force of {one} and {each.back:.4g} {unit} in that of {other}, "
             f"{ratio:.3g} times",
             needed="the same, as of one device",
-            remedy=f"{blame}: check the columns of each axis, their order, signs, units and gains.",
+            remedy=f"{blame}: check the columns of each axis, their order, signs and units; "
+            "--force-gain and --position-gain take a number for each axis, between commas.",
         )
 
 

@@ -37,7 +37,14 @@ from identification.errors import (
     QuestionError,
     printable,
 )
-from identification.readers.columns import FloatArray, LogColumns, Reading, conversion_of, quote
+from identification.readers.columns import (
+    FloatArray,
+    LogColumns,
+    Reading,
+    conversion_of,
+    quote,
+    say_gains_by_axis,
+)
 from identification.trajectory import Motion, Trajectories, Trajectory, refuse_sizes
 
 __all__ = ["LOG_ENDINGS", "LogColumns", "load_log", "load_trajectory"]
@@ -94,7 +101,16 @@ def load_log(
     found = (columns or LogColumns()).by_axis(axes)
     if len(found) == 1:
         return load_trajectory(path, found[0], motion=motion, axis=axis)
-    several = (load_trajectory(path, each, motion=motion, may_stand=True) for each in found)
+    names = [str(each.axis) for each in found]
+    several: list[Trajectory] = []
+    for place, each in enumerate(found):
+        try:
+            several.append(load_trajectory(path, each, motion=motion, may_stand=True))
+        except InvalidInputError as error:
+            error.advise(say_gains_by_axis(error.remedy, names, place))
+            if isinstance(error, QuestionError):
+                error.place = place
+            raise
     return Trajectories(axes=tuple(several))
 
 

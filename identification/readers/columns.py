@@ -100,6 +100,10 @@ class Reading:
     in_seconds: bool = False
 
 
+#: SI units in one unit of a column: of one axis, or of each of several.
+Gains = float | tuple[float | None, ...] | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogColumns:
     """Which columns of a file are what, and the factors that make them SI.
@@ -115,9 +119,10 @@ class LogColumns:
         time_gain: s per unit of the column, e.g. 0.001. None takes the unit in the column's name,
             else s.
         force_gain: e.g. N per volt; negative turns the direction. None takes the unit in the
-            column's name, else N (N·m); 1 states that it is.
+            column's name, else N (N·m); 1 states that it is. Of several axes one number for all, or
+            one for each, None where it is that of the column's name.
         position_gain: e.g. m per count; applies to reference as well. None takes the unit in the
-            column's name, else m (rad); 1 states that it is.
+            column's name, else m (rad); 1 states that it is. Of several axes as ``force_gain``.
         axis: name of the axis; None means "x".
         decimal: "comma" or "point", what stands before the decimals of a text file; None takes what
             its cells leave no doubt about.
@@ -131,8 +136,8 @@ class LogColumns:
     position: str = "position"
     reference: str | None = None
     time_gain: float | None = None
-    force_gain: float | None = None
-    position_gain: float | None = None
+    force_gain: Gains = None
+    position_gain: Gains = None
     axis: str | None = None
     decimal: Literal["comma", "point"] | None = None
 
@@ -142,7 +147,7 @@ class LogColumns:
         Axes are named by ``axis``, else by ``names``, else x, y, z and so on.
 
         Raises:
-            InvalidInputError: other numbers of forces, positions, references or names.
+            InvalidInputError: other numbers of forces, positions, references, names or gains.
         """
         parts = {role: _parted(getattr(self, role)) for role in ("force", "position", "reference")}
         count = len(parts["force"])
@@ -154,12 +159,21 @@ class LogColumns:
         if odd:
             problem = f"names {sizes[odd[0]]} for {count} forces"
             raise InvalidInputError(f"--{odd[0]}", problem, "Give one of each for every axis")
+        gains: dict[str, list[float | None]] = {}
+        for role in ("force", "position"):
+            given: Gains = getattr(self, f"{role}_gain")
+            gains[role] = list(given) if isinstance(given, tuple) else [given] * count
+            if len(gains[role]) != count:
+                problem = f"gives {len(gains[role])} numbers for {count} axes"
+                raise InvalidInputError(f"--{role}-gain", problem, "Give one, or one for each axis")
         return tuple(
             replace(
                 self,
                 force=parts["force"][place],
                 position=parts["position"][place],
                 reference=None if self.reference is None else parts["reference"][place],
+                force_gain=gains["force"][place],
+                position_gain=gains["position"][place],
                 axis=name,
             )
             for place, name in enumerate(listed)
@@ -173,13 +187,14 @@ class LogColumns:
 
     def __post_init__(self) -> None:
         for name in ("time_gain", "force_gain", "position_gain"):
-            gain = getattr(self, name)
-            if gain is not None and (not math.isfinite(gain) or gain == 0):
-                raise InvalidInputError(
-                    "--" + name.replace("_", "-"),
-                    f"is {gain:g}, not a finite number other than zero",
-                    "Give what one unit of the column is in SI units",
-                )
+            given: Gains = getattr(self, name)
+            for gain in given if isinstance(given, tuple) else (given,):
+                if gain is not None and (not math.isfinite(gain) or gain == 0):
+                    raise InvalidInputError(
+                        "--" + name.replace("_", "-"),
+                        f"is {gain:g}, not a finite number other than zero",
+                        "Give what one unit of the column is in SI units",
+                    )
 
 
 def _parted(names: str | None) -> tuple[str, ...]:
@@ -359,8 +374,31 @@ def gain_option(role: str) -> str:
 
 
 def gain_given(role: str, columns: LogColumns) -> float | None:
-    """The gain of a role that a person gave."""
-    return getattr(columns, gain_option(role)[2:].replace("-", "_"))
+    """The gain of a role that a person gave. Raises InvalidInputError for those of several axes."""
+    given: Gains = getattr(columns, gain_option(role)[2:].replace("-", "_"))
+    if isinstance(given, tuple):
+        problem = f"gives {len(given)} numbers for one axis"
+        raise InvalidInputError(gain_option(role), problem, "Give one number")
+    return given
+
+
+#: An option for a gain and the number behind it, not where it is to be left out.
+_GAIN = re.compile(r"(?<!Leave out )--(force|position)-gain\b( X\b| -?\d\S*\d| -?\d)?")
+
+
+def say_gains_by_axis(remedy: str, names: Sequence[str], place: int) -> str:
+    """A remedy about one of several axes: gains that it gives, as options for this axis alone."""
+    before, after = "," * place, "," * (len(names) - 1 - place)
+    said = _GAIN.sub(
+        lambda found: f"--{found[1]}-gain {before}{(found[2] or ' X').strip()}{after}", remedy
+    )
+    if said == remedy:
+        return remedy
+    *some, last = names
+    return (
+        f"{said.removesuffix('.')}. Between the commas stand the gains of {', '.join(some)} and "
+        f"{last}; a blank one leaves its axis as it is."
+    )
 
 
 def conversion_of(

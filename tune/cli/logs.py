@@ -7,7 +7,7 @@ of a log are shown, never filled in. No answer leaves a fact unstated.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -378,13 +378,32 @@ def ask_columns(
             for name, number in _numbered_choices(error).items():
                 session.tell(f"  {number}  {name}" if number != name else f"  {name}")
             answer = _answer(session, error)
-            columns = replace(columns, **{error.option: answer})
             told = f'"{answer}"' if error.choices else f"{answer:g}"
+            if error.place is not None and error.option != "time":
+                answer = _of_axis(columns, error, answer)
+                told = f'"{answer}"' if error.choices else _between_commas(answer)
+            columns = replace(columns, **{error.option: answer})
             asked.append(f"--{error.option.replace('_', '-')} {told}")
         else:
             if asked:
                 session.tell(f"Other commands take this as {' '.join(asked)}")
             return columns, found
+
+
+def _of_axis(columns: LogColumns, error: QuestionError, answer: Any) -> Any:
+    """The option of all axes, with the answer for the one that was asked for."""
+    before: Any = getattr(columns, error.option)
+    if error.choices:
+        parts: list[Any] = before.split(",")
+    else:
+        count = len(columns.by_axis())
+        parts = [*before] if isinstance(before, tuple) else [before] * count
+    parts[error.place or 0] = answer
+    return ",".join(parts) if error.choices else tuple(parts)
+
+
+def _between_commas(gains: Sequence[float | None]) -> str:
+    return ",".join("" if each is None else f"{each:g}" for each in gains)
 
 
 def _numbered_choices(error: QuestionError) -> dict[str, str]:

@@ -446,18 +446,20 @@ class LogOptions:
         float | None, Option(metavar="X", help="s per unit of the time column.")
     ] = None
     force_gain: Annotated[
-        float | None,
+        str | None,
         Option(
             metavar="X",
             help="N (N·m) per unit of the force column: per ampere torque constant and "
-            "transmission; 1 states that it is in N (N·m).",
+            "transmission; 1 states that it is in N (N·m); of several axes one, or one for each "
+            "with commas.",
         ),
     ] = None
     position_gain: Annotated[
-        float | None,
+        str | None,
         Option(
             metavar="X",
-            help="m (rad) per unit of the position column; 1 states that it is in m (rad).",
+            help="m (rad) per unit of the position column; 1 states that it is in m (rad); of "
+            "several axes one, or one for each with commas.",
         ),
     ] = None
     axis: Annotated[
@@ -468,8 +470,25 @@ class LogOptions:
     ] = None
 
     def columns(self) -> LogColumns:
-        """What the readers of logs take. Raises InvalidInputError for a gain that is none."""
-        return ident.LogColumns(**asdict(self))
+        """What the readers of logs take. Raises UsageError or InvalidInputError for no gain."""
+        given: dict[str, Any] = asdict(self)
+        for role in ("force", "position"):
+            given[f"{role}_gain"] = _gains(f"--{role}-gain", given[f"{role}_gain"])
+        return ident.LogColumns(**given)
+
+
+def _gains(option: str, text: str | None) -> float | tuple[float | None, ...] | None:
+    """One number, or those of axes between commas, some of them blank. Raises UsageError."""
+    if text is None:
+        return None
+    try:
+        numbers = [float(each) if each.strip() else None for each in text.split(",")]
+    except ValueError:
+        numbers = [None]
+    if numbers == [None]:
+        remedy = "Give one, or one for each axis between commas, as in 1,2"
+        raise UsageError(option, f"'{text}' is no number", remedy)
+    return tuple(numbers) if len(numbers) > 1 else numbers[0]
 
 
 def command(

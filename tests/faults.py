@@ -795,6 +795,24 @@ FAULTS: tuple[Fault, ...] = (
         ("an answer for one of several axes", "parts[error.place or 0]", "parts[0]"),
     ),
     *_of(
+        "tune/documents/changes.py",
+        "tests/test_comparing_axes.py",
+        (
+            "entries of several axes",
+            "if old.axes is not None and new.axes",
+            "if False and new.axes",
+        ),
+    ),
+    *_of(
+        "identification/device/device.py",
+        "tests/test_comparing_axes.py",
+        (
+            "axes by name",
+            "one, other = sorted((axes[row], axes[column]))",
+            "one, other = axes[row], axes[column]",
+        ),
+    ),
+    *_of(
         "tune/optimisation/problem.py",
         "tests/test_optimise.py -k proved",
         (

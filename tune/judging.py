@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import combinations_with_replacement
 from typing import Literal
 
 import numpy as np
@@ -20,8 +21,6 @@ from numpy.typing import NDArray
 from identification import (
     Device,
     Fact,
-    Quantity,
-    SlopeRange,
     Tabular,
     UsageError,
     as_stored,
@@ -30,6 +29,7 @@ from identification import (
 )
 from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError
+from tune.documents.changes import Change, Interval, changes_of, exact, stated
 from tune.documents.perception import Scale, default_table
 from tune.documents.profile import (
     AbsoluteStability,
@@ -341,55 +341,8 @@ def _nearest(task: DesignTask, filters: Filters, cut: frozenset[str]) -> Effects
     return problem.effects(problem.combinations[0], np.where(sizes > _MORE * lows, sizes, 0.0))
 
 
-#: Quantities of a device in the order of its file.
-_QUANTITIES = ("sample_time", "mass", "damping", "coulomb_friction", "force_offset", "delay",
-               "encoder_resolution", "current_lag", "position_stiffness", "damping_slope",
-               "presliding_stiffness")  # fmt: skip
 #: How closely the gain that is kept is found, as part of the margin.
 _STEP = 0.01
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """A quantity of a file with its 95 %, SI units; no value where only ends are stated."""
-
-    value: float | None
-    low: float
-    high: float
-
-    @property
-    def half_width(self) -> float:
-        """Half of the interval."""
-        return (self.high - self.low) / 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
-    """One quantity in the old file and in the new one; None where a file does not state it.
-
-    Attributes:
-        name: the key, for an effect "element.effect".
-        old: in the old file.
-        new: in the new file.
-    """
-
-    name: str
-    old: Interval | None
-    new: Interval | None
-
-    @property
-    def beyond(self) -> bool:
-        """True where the intervals have no value in common, or only one file states it."""
-        if self.old is None or self.new is None:
-            return self.old is not self.new
-        return self.new.low > self.old.high or self.new.high < self.old.low
-
-    @property
-    def part(self) -> float | None:
-        """The difference of the values as part of the old one; None where that says nothing."""
-        if self.old is None or self.new is None or not self.old.value or self.new.value is None:
-            return None
-        return self.new.value / self.old.value - 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -461,7 +414,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     if before.motion != after.motion:
         seen = f"the old axis is {before.motion}, the new one {after.motion}"
         raise UsageError("OLD NEW", seen, "Compare files of one motion")
-    changes = _changes(before, after)
+    changes = changes_of(before, after)
     if isinstance(old, Device):
         if isinstance(new, SafeProfile):
             seen = "the old file is a device, the new one a profile"
@@ -492,9 +445,31 @@ def _felt(old: Device, new: Device) -> Iterator[Felt]:
     """The device itself, by the default perception table in the usual motion."""
     table, motion = default_table(), DEFAULT_MOTION[old.motion]
     for effect in ("mass", "damping"):
-        scale = Scale.of(effect, old, table, motion)
-        more: float = getattr(new, effect).value - getattr(old, effect).value
-        yield Felt(name=effect, steps=_signed_steps(scale, more))
+        if old.axes is not None and new.axes is not None:
+            for name, along, more in _felt_entries(effect, old, new):
+                scale = Scale.of(effect, along, table, motion)
+                yield Felt(name=name, steps=_signed_steps(scale, more))
+        else:
+            scale = Scale.of(effect, old, table, motion)
+            more: float = getattr(new, effect).value - getattr(old, effect).value
+            yield Felt(name=effect, steps=_signed_steps(scale, more))
+
+
+def _felt_entries(effect: str, old: Device, new: Device) -> Iterator[tuple[str, Device, float]]:
+    """Each entry that both have, the old device where it is felt most, and the difference.
+
+    That is along an axis, or between two; of several poses the first is told.
+    """
+    axes = old.axes or ()
+    tables = [device.by_axis() for device in (old, new)]
+    counts = {len(device.poses or ()) for device in (old, new)}
+    first = "pose_1." if len(counts) == 1 and counts != {1} else ""
+    for one, other in combinations_with_replacement(sorted(axes), 2):
+        name = f"{effect}_{one}_{other}"
+        if name in tables[1]:
+            unit = np.array([float(axis in {one, other}) for axis in axes])
+            before, after = (table[name][0].value for table in tables)
+            yield first + name, old.along((unit / np.linalg.norm(unit)).tolist()), after - before
 
 
 def _felt_effects(old: Design, new: Design) -> Iterator[Felt]:
@@ -568,15 +543,6 @@ def _moved(design: SafeProfile, device: Device) -> Design:
     )
 
 
-def _changes(old: Device, new: Device) -> tuple[Change, ...]:
-    """Every quantity that at least one of the devices states."""
-    sides = {name: [_interval(getattr(each, name)) for each in (old, new)] for name in _QUANTITIES}
-    limits = [each.force_limit for each in (old, new)]
-    for name in ("continuous", "peak"):
-        sides[f"force_limit.{name}"] = [each and _exact(getattr(each, name)) for each in limits]
-    return _stated(sides)
-
-
 def _effects(old: Design, new: Design) -> tuple[Change, ...]:
     """Every effect that acts in at least one of the designs."""
     sides: dict[str, list[Interval | None]] = {}
@@ -584,22 +550,5 @@ def _effects(old: Design, new: Design) -> tuple[Change, ...]:
         both = [design.elements.get(name) for design in (old, new)]
         for effect in EFFECT_NAMES:
             sizes = [0.0 if each is None else getattr(each, effect) for each in both]
-            sides[f"{name}.{effect}"] = [_exact(size) if size else None for size in sizes]
-    return _stated(sides)
-
-
-def _stated(sides: dict[str, list[Interval | None]]) -> tuple[Change, ...]:
-    """Old and new by name, of all that one of them states."""
-    changes = (Change(name=name, old=old, new=new) for name, (old, new) in sides.items())
-    return tuple(each for each in changes if each.old or each.new)
-
-
-def _interval(item: Quantity | SlopeRange | None) -> Interval | None:
-    if item is None:
-        return None
-    value = item.value if isinstance(item, Quantity) else None
-    return Interval(value=value, low=item.low, high=item.high)
-
-
-def _exact(value: float) -> Interval:
-    return Interval(value=value, low=value, high=value)
+            sides[f"{name}.{effect}"] = [exact(size) if size else None for size in sizes]
+    return stated(sides)

@@ -73,6 +73,8 @@ _WHERE = (
     "and no longer listed under 'missing':"
 )
 #: Devices that come with haptune.
+#: Part of the friction of an axis within which it and the offset are taken as known.
+_ROUGH = 0.1
 _FOLDER = Path(__file__).parent / "named"
 
 Kind = Literal["drag", "falling", "place", "position", "memory", "drift"]
@@ -452,6 +454,33 @@ class Device(Document):
         changes["coulomb_friction"] = quantity(float(np.abs(unit) @ pose.coulomb_friction))
         changes["force_offset"] = quantity(float(unit @ pose.force_offset))
         return self.model_copy(update=changes)
+
+    def by_axis(self) -> dict[str, list[Quantity]]:
+        """Entries of both matrices, friction and offset of several axes, at each pose; SI units.
+
+        Names are those of the covariance (mass_x_y, the axes in alphabetical order) and, of an
+        axis, coulomb_friction_x and force_offset_x. Intervals are of 95 % each; no file holds those
+        of friction and offset, which are taken as a tenth of the friction.
+        """
+        found: dict[str, list[Quantity]] = {}
+        axes = self.axes or ()
+        pairs = tuple(zip(*np.triu_indices(len(axes)), strict=True))
+        for pose in self.poses or ():
+            half = pose.deviations() * np.sqrt(np.diag(np.array(pose.covariance.matrix)))
+            for kind, which in enumerate(("mass", "damping")):
+                for place, (row, column) in enumerate(pairs):
+                    one, other = sorted((axes[row], axes[column]))
+                    value = float(getattr(pose, which)[row][column])
+                    wide = float(half[place + kind * len(pairs)])
+                    item = quantity(value, value - wide, value + wide)
+                    found.setdefault(f"{which}_{one}_{other}", []).append(item)
+            for place, axis in enumerate(axes):
+                wide = _ROUGH * pose.coulomb_friction[place]
+                for which in ("coulomb_friction", "force_offset"):
+                    value = float(getattr(pose, which)[place])
+                    item = quantity(value, value - wide, value + wide)
+                    found.setdefault(f"{which}_{axis}", []).append(item)
+        return found
 
     def in_words(self, direction: Sequence[float]) -> str:
         """A direction of a device of several axes in a sentence."""

@@ -358,10 +358,18 @@ def _felt_words(felt: Felt, change: Change, motion: Motion) -> str:
     """An effect, or the device's own mass or damping: from, to, and the steps between."""
     from tune.presentation.tables import plain_number, units_of
 
-    unit = units_of(motion)[felt.name.rpartition(".")[2]]
+    unit = units_of(motion)[_kind_of(felt.name) or ""]
     old, new = ((side and side.value) or 0.0 for side in (change.old, change.new))
     words = f"{_plain(felt.name)} {plain_number(old)} → {plain_number(new)} {unit}"
     return f"{words} ({felt.steps:+.2g} steps)"
+
+
+def _kind_of(name: str) -> str | None:
+    """What the unit of a quantity is called, of an effect and of an entry by axis too; None: s."""
+    last = name.rpartition(".")[2]
+    whole = (_UNITS.get(name), last if last in _UNITS.values() else None)
+    parts = [kind for key, kind in _UNITS.items() if last.startswith(f"{key}_")]
+    return next((kind for kind in (*whole, *parts) if kind is not None), None)
 
 
 def _plain(name: str) -> str:
@@ -392,8 +400,7 @@ def _comparison_table(found: Comparison, old: str, new: str, motion: Motion) -> 
         right=("old", "new", "change"),
     )
     for change in (*found.changes, *found.effects):
-        effect = change.name.rpartition(".")[2]
-        kind = effect if change in found.effects else _UNITS.get(change.name)
+        kind = _kind_of(change.name)
         table.add_row(
             _plain(change.name),
             "s" if kind is None else units[kind],

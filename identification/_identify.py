@@ -214,13 +214,29 @@ def _check_request(
             remedy = f"Give logs of one {name} at a time; each has its own device"
             raise UsageError(f"--{name}", f"the logs are of {' and '.join(seen)}", remedy)
         known = None if hardware is None else getattr(hardware, name)
-        if name == "axis" and isinstance(trajectories[0], Trajectories):
-            axes = None if hardware is None else hardware.axes
-            known = None if axes is None else ",".join(axes)
+        if name == "axis" and hardware is not None:
+            several = isinstance(trajectories[0], Trajectories)
+            if hardware.axes is not None:
+                known = ",".join(hardware.axes)
+            elif several and "axis" not in hardware.model_fields_set:
+                known = None  # nobody asked for x
+            if hardware.axes is not None and not several:
+                raise UsageError(
+                    "--hardware",
+                    f"states the axes {known}, and {trajectories[0].source} is read as one",
+                    f"Name a column of each with {_each_of('force', hardware.axes)} and "
+                    f"{_each_of('position', hardware.axes)}, or state the one axis there (axis: "
+                    f"{hardware.axes[0]})",
+                )
         if seen and known is not None and known != seen[0]:
             problem = f"the logs are of {seen[0]}, the hardware of {known}"
             remedy = f"Give the logs and the hardware of one {name}"
             raise UsageError(f"--{name}", problem, remedy)
+
+
+def _each_of(role: str, axes: Sequence[str]) -> str:
+    """An option that names a column of each axis."""
+    return f"--{role} {','.join(f'{role}_{axis}' for axis in axes)}"
 
 
 def _stored(

@@ -795,6 +795,15 @@ FAULTS: tuple[Fault, ...] = (
         ("an answer for one of several axes", "parts[error.place or 0]", "parts[0]"),
     ),
     *_of(
+        "identification/_identify.py",
+        "tests/test_units_of_axes.py -k column",
+        (
+            "one column of several axes",
+            "if hardware.axes is not None and not several:",
+            "if hardware.axes is None and several and not known:",
+        ),
+    ),
+    *_of(
         "tune/documents/changes.py",
         "tests/test_comparing_axes.py",
         (

@@ -97,3 +97,25 @@ def test_a_unit_that_no_header_converts_is_asked_for_of_its_axis() -> None:
     code, said = identified(y="position_y_deg")
     assert code == 3
     assert "Add --position-gain ,X, m (rad) per deg" in said
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("command", ["identify", "doctor"])
+def test_one_column_of_a_device_of_two_axes_is_refused(command: str) -> None:
+    """Else it would be a device of one axis, with the name of the first."""
+    one = ("--force", "force_x", "--position", "position_x", "--hardware", "hardware.yaml")
+    ended = haptune(command, "log.csv", *one)
+    assert ended.code == 2
+    assert "states the axes x,y, and log.csv is read as one" in ended.err
+    assert "--force force_x,force_y and --position position_x,position_y" in ended.err
+    assert not Path("device.yaml").exists()
+
+
+@pytest.mark.usefixtures("here")
+def test_two_columns_with_the_hardware_of_one_axis_are_refused() -> None:
+    path = Path("hardware.yaml")
+    text = re.sub(r"axes: .*", "axis: y", path.read_text(encoding="utf-8"))
+    path.write_text(text, encoding="utf-8")
+    code, said = identified("--position-gain", ",0.001")
+    assert code == 2
+    assert "the logs are of x,y, the hardware of y" in said

@@ -442,7 +442,8 @@ def own_hardware(session: Session, given: Path | None) -> Path | None:
 
 def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardware | None:
     """What is known with the facts that the device lacks, as a person answers; None for none."""
-    before = found = known or ident.Hardware(name=device.name, axis=device.axis)
+    named = {"axis": device.axis} if device.axes is None else {"axes": device.axes}
+    before = found = known or ident.Hardware.model_validate({"name": device.name, **named})
     try:
         device.require_stated()
     except UnstatedError as error:

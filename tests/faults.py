@@ -795,6 +795,11 @@ FAULTS: tuple[Fault, ...] = (
         ("an answer for one of several axes", "parts[error.place or 0]", "parts[0]"),
     ),
     *_of(
+        "tune/optimisation/problem.py",
+        "tests/test_clamps.py -k without_effects",
+        ("what gives no force is apart from nothing", "if {*pair} <= {*there})", "if pair)"),
+    ),
+    *_of(
         "identification/_identify.py",
         "tests/test_units_of_axes.py -k column",
         (

@@ -245,3 +245,37 @@ def test_a_wall_that_can_be_proved_beside_an_element_is_not_kept_apart_from_it(
     assert profile.apart == ()
     assert ("wall", "other") in profile.combinations()
     assert profile.elements["wall"].perceived_steps["stiffness"] > 5
+
+
+def test_an_element_without_effects_is_not_kept_apart() -> None:
+    """A mass that is dropped after its proof beside the wall failed leaves nothing to prove."""
+    light = load_device("homerehab").model_copy(
+        update={
+            "covariance": None,
+            "sample_time": quantity(0.0005),
+            "mass": quantity(0.4, 0.2, 0.6),
+            "damping": quantity(1.5, 0.9, 2.1),
+            "coulomb_friction": quantity(0.1),
+            "delay": quantity(0.001),
+            "encoder_resolution": quantity(2e-6),
+            "force_limit": ForceLimit(continuous=5.0, peak=10.0),
+        }
+    )
+    wanted = Scene.model_validate(
+        {
+            "margin": "firm",
+            "loop": {"velocity_filter_hz": 600.0, "acceleration_filter_hz": 200.0},
+            "elements": {
+                "wall": WALL,
+                "mud": {"damping": "max", "stiffness": {"min": 1.0, "max": 300.0}},
+                "ball": {"mass": "max", "acceleration": 2.0, "fade_time": 0.1},
+            },
+            "together": [["mud", "ball"]],
+        }
+    )
+    profile = tuned(light, wanted)
+    assert any(note.startswith("ball.mass dropped") for note in profile.notes)
+    assert profile.apart == (("wall", "mud"),)
+    assert ("wall", "ball") in profile.combinations()
+    assert [note for note in profile.notes if "wall and ball" in note] == []
+    assert check_content(to_mapping(profile), "as tuned").profile.apart == profile.apart

@@ -304,6 +304,8 @@ def design_of(
     task: DesignTask, filters: Filters, solutions: Sequence[Solution], dropped: dict[str, str]
 ) -> Design:
     """What was chosen for every element, with its margins and why it is no larger, uncertified."""
+    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
+    task = task.apart_as_needed(there)
     device, scene, table = task.device, task.scene, task.table
     felt = [
         SizedCombination(solved.problem, combination, solved.sizes)
@@ -317,7 +319,6 @@ def design_of(
         for one, late in zip(felt, extra_delays(felt), strict=True)
     }
     # Of every combination the elements of which something is left.
-    there = {unknown.element for solved in solutions for unknown in solved.problem.unknowns}
     margins = [
         found[part]._replace(elements=each)
         for each in scene.subsets()

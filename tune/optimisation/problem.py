@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from types import MappingProxyType
@@ -206,6 +206,13 @@ class DesignTask:
         scene = self.scene.model_copy(update={"apart": (*self.scene.apart, (first, second))})
         parts = {name: part for name, part in self.parts.items() if name not in pair}
         return replace(self, scene=scene, apart=(*self.apart, (first, second)), parts=parts)
+
+    def apart_as_needed(self, there: Collection[str]) -> DesignTask:
+        """The task whose pairs apart are of elements that are there: the others give no force."""
+        needed = tuple(pair for pair in self.apart if {*pair} <= {*there})
+        own = self.scene.apart[: len(self.scene.apart) - len(self.apart)]
+        scene = self.scene.model_copy(update={"apart": (*own, *needed)})
+        return replace(self, scene=scene, apart=needed)
 
     def with_room_for(self, wall: str, other: str) -> DesignTask | None:
         """The task in which an element of the wall's priority leaves more room for the wall.

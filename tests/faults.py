@@ -800,6 +800,20 @@ FAULTS: tuple[Fault, ...] = (
         ("what gives no force is apart from nothing", "if {*pair} <= {*there})", "if pair)"),
     ),
     *_of(
+        "tune/cli/session.py",
+        "tests/test_units_of_axes.py -k names_the",
+        ("the log that a refusal is of", 'source.count(", ") + 1 < self.logs', "False"),
+    ),
+    *_of(
+        "identification/fitting/several_axes.py",
+        "tests/test_units_of_axes.py -k names_the",
+        (
+            "the axis that a refusal is of",
+            'return f"{log.source}, axis {log.axis}"',
+            "return log.source",
+        ),
+    ),
+    *_of(
         "identification/_identify.py",
         "tests/test_units_of_axes.py -k column",
         (

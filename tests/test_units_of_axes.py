@@ -119,3 +119,26 @@ def test_two_columns_with_the_hardware_of_one_axis_are_refused() -> None:
     code, said = identified("--position-gain", ",0.001")
     assert code == 2
     assert "the logs are of x,y, the hardware of y" in said
+
+
+@pytest.mark.usefixtures("here")
+def test_each_refusal_names_the_axis_it_is_about() -> None:
+    write(np.loadtxt("log.csv", delimiter=",", skiprows=1) * [1, 1, 1, 1000, 1])
+    refused = [line for line in identified()[1].splitlines() if line.startswith("refusal:")]
+    assert len(set(refused)) == len(refused) > 2
+    for axis in "xy":
+        assert any(f"log.csv, axis {axis} steps by" in line for line in refused)
+
+
+@pytest.mark.usefixtures("here")
+def test_a_refusal_of_one_log_of_several_names_the_log() -> None:
+    shutil.copy(bundled_path("planar.csv"), "good.csv")
+    write(np.loadtxt("good.csv", delimiter=",", skiprows=1) * [1, 1, 0, 1, 1])
+    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
+    for logs, said in (
+        (("log.csv",), "axes-not-told-apart: no force of its own moves y"),
+        (("good.csv", "log.csv"), "axes-not-told-apart: log.csv: no force of its own moves y"),
+    ):
+        ended = haptune("identify", *logs, *columns)
+        assert ended.code == 4
+        assert said in ended.err

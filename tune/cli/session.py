@@ -9,7 +9,7 @@ import re
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache, wraps
 from pathlib import Path
 from select import select
@@ -75,6 +75,7 @@ class Session:
     outputs: list[str] = field(default_factory=list[str])
     details: dict[str, object] = field(default_factory=dict[str, object])
     understood: dict[str, str] = field(default_factory=dict[str, str])
+    logs: int = 0
 
     def say(self, text: Any) -> None:
         """Print a text or a rich renderable for people."""
@@ -126,7 +127,15 @@ class Session:
         self.findings += findings
         if not self.as_json and not (self.quiet if quiet is None else quiet):
             for finding in findings:
-                _print_error(f"{finding.severity}: {finding}")
+                _print_error(self.in_words(finding))
+
+    def in_words(self, finding: Finding) -> str:
+        """A finding with its log, or axis of a log, where that leaves open which is meant."""
+        source, words = finding.source, f"{finding.severity}: {finding}"
+        one_of_many = ", axis " in source or source.count(", ") + 1 < self.logs
+        if not source or source in finding.seen or not one_of_many:
+            return words
+        return f"{finding.severity}: {replace(finding, seen=f'{source}: {finding.seen}')}"
 
     def warn(self, sentence: str) -> None:
         """Print on standard error what a person should know before the output is used."""
@@ -324,7 +333,7 @@ def _end_failed(session: Session, error: BaseException) -> int:
 
     if isinstance(error, LogRefusedError):
         session.findings += error.findings
-        lines = [f"{finding.severity}: {finding}" for finding in error.findings]
+        lines = [session.in_words(finding) for finding in error.findings]
         return session.finish(Exit.LOG_REFUSED, "log refused\n" + "\n".join(lines))
     if isinstance(error, NotWrittenError):
         others = f" Of all files, {session.files_written()}." if session.outputs else ""
@@ -525,6 +534,7 @@ def command(
                 quiet=given.pop("quiet"),
                 verbose=given.pop("verbose"),
                 no_input=given.pop("no_input", False),
+                logs=len(given.get("logs") or ()),
             )
             if reads_logs:
                 given["options"] = LogOptions(

@@ -800,6 +800,16 @@ FAULTS: tuple[Fault, ...] = (
         ("what gives no force is apart from nothing", "if {*pair} <= {*there})", "if pair)"),
     ),
     *_of(
+        "identification/readers/columns.py",
+        "tests/test_units_of_axes.py -k fit_no_axes",
+        ("a column for one axis", "parts[role].count(each) > 1", "parts[role].count(each) > 9"),
+    ),
+    *_of(
+        "tune/cli/judging.py",
+        "tests/test_several_axes.py -k does_not_tell",
+        ("the direction to play along", "where = along(safe, direction)", 'where = ""'),
+    ),
+    *_of(
         "tune/cli/session.py",
         "tests/test_units_of_axes.py -k names_the",
         ("the log that a refusal is of", 'source.count(", ") + 1 < self.logs', "False"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
@@ -1088,3 +1089,21 @@ def test_verify_compares_and_plans_along_principal_axes(
     )
     assert ended.code == 2
     assert "of all axes in this order" in ended.err
+
+
+def test_what_does_not_tell_is_to_be_played_along_a_principal_direction(
+    room: Path,
+    profile: SafeProfile,
+    bits: dict[str, int],
+    guard: GuardOfAxes,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(room)
+    log = played(guard, bits, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
+    columns = [log.axes[0].time, *(a.force for a in log.axes), *(a.position for a in log.axes)]
+    names = "time,force_x,force_y,position_x,position_y"
+    np.savetxt("askew.csv", np.column_stack(columns), "%.9g", ",", header=names, comments="")
+    ended = haptune("verify", "profile.yaml", "askew.csv", *COLUMNS, "--release", str(RELEASE))
+    assert ended.code == 4
+    (x, y) = re.findall(r"Instead along \((\S+) x, (\S+) y\): play rubber", ended.err)[0]
+    assert abs(np.array([float(x), float(y)]) @ HEAVY) > 0.99

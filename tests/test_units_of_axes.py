@@ -87,6 +87,12 @@ def test_gains_that_fit_no_axes_are_refused() -> None:
     ):
         assert identified("--position-gain", gains)[0] == code
         assert sentence in identified("--position-gain", gains)[1]
+    for role in ("force", "position"):
+        both = {"force": "force_x,force_y", "position": "position_x,position_y"}
+        both[role] = f"{role}_x,{role}_x"
+        ended = haptune("doctor", "log.csv", *(w for k, v in both.items() for w in (f"--{k}", v)))
+        assert ended.code == 2
+        assert f"--{role}: names '{role}_x' for two axes" in ended.err
     one = ("--force", "force_x", "--position", "position_x", "--force-gain", "1,2")
     assert "gives 2 numbers for one axis" in haptune("identify", "log.csv", *one).err
 

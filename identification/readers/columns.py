@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import InvalidInputError, QuestionError, printable
+from identification.errors import InvalidInputError, QuestionError, UsageError, printable
 from identification.trajectory import Motion
 
 FloatArray = NDArray[np.float64]
@@ -148,6 +148,7 @@ class LogColumns:
 
         Raises:
             InvalidInputError: other numbers of forces, positions, references, names or gains.
+            UsageError: a column for two axes.
         """
         parts = {role: _parted(getattr(self, role)) for role in ("force", "position", "reference")}
         count = len(parts["force"])
@@ -159,6 +160,11 @@ class LogColumns:
         if odd:
             problem = f"names {sizes[odd[0]]} for {count} forces"
             raise InvalidInputError(f"--{odd[0]}", problem, "Give one of each for every axis")
+        for role in ("force", "position"):
+            twice = next((each for each in parts[role] if parts[role].count(each) > 1), None)
+            if twice is not None:
+                problem = f"names '{quote(twice)}' for two axes"
+                raise UsageError(f"--{role}", problem, "Name the column of each axis once")
         gains: dict[str, list[float | None]] = {}
         for role in ("force", "position"):
             given: Gains = getattr(self, f"{role}_gain")

@@ -37,6 +37,8 @@ _UNITS = {"mass": "mass", "damping": "damping", "damping_slope": "damping",
 _FILTER = "HZ[,KIND[,ORDER]]"
 #: Advice at less than this many times the gain that was played is no other advice.
 _MORE = 1.02
+#: Cosine of the angle within which two directions are one.
+_ALONG = 0.999
 
 
 @command()
@@ -499,7 +501,7 @@ def verify_command(
             lines += [f"  {each.summary}", *([f"    {each.remedy}"] if each.remedy else [])]
         raise CheckFailedError(("\n".join(lines),))
     if not seen.assessed:
-        seen.refuse_unassessed(_advice(session, seen))
+        seen.refuse_unassessed(_advice(session, safe, seen))
     session.say(
         f"{log.name} behaves as {profile.name} predicts, where it was assessed: "
         f"{seen.played} keeps its margin at every delay that the log allows"
@@ -530,17 +532,30 @@ def _plan(session: Session, safe: SafeProfile, element: str | None) -> None:
     session.details["play"] = details
 
 
-def _advice(session: Session, seen: Verification) -> str:
-    """What to do where the log of a combination cannot tell."""
-    from tune.verification import advise
+def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
+    """What to do where the log of a combination cannot tell: of several axes along which line."""
+    from tune.verification import advise, along, principal_directions
 
-    with session.progress() as say:
-        (advice,) = advise(seen.profile, (seen.elements,), say)
-    session.details["play"] = _advice_details((advice,), seen.direction)
-    allowed, play = seen.delay.allowed, advice.play
-    more = play is not None and (play.elements != seen.elements or play.gain > _MORE * seen.gain)
+    allowed, own = seen.delay.allowed, seen.direction
+    # The heaviest first: friction that is not alike on all axes turns its motion least.
+    places = [(own, seen.profile)] if own is None else principal_directions(safe)[::-1]
+    found: list[tuple[tuple[float, ...] | None, Advice, bool]] = []
+    for direction, design in places:
+        with session.progress() as say:
+            (advice,) = advise(design, (seen.elements,), say)
+        play = advice.play
+        more = play is not None and (
+            play.elements != seen.elements or play.gain > _MORE * seen.gain
+        )
+        if direction is not None and own is not None and play is not None:
+            more |= abs(sum(a * b for a, b in zip(direction, own, strict=True))) < _ALONG
+        found.append((direction, advice, more))
+    # The direction that tells, else the first in which anything can be played.
+    direction, advice, more = max(found, key=lambda each: (each[2], each[1].play is not None))
+    session.details["play"] = _advice_details((advice,), direction)
     if more or allowed is None or allowed.delays is None:
-        return f"Instead: {advice.words(seen.profile.device.motion)}."
+        where = along(safe, direction)
+        return f"Instead{where}: {advice.words(seen.profile.device.motion)}."
     low, high = allowed.delays
     return (
         f"No gain tells more; state the delay of the device as {low:.3g} to {high:.3g} samples "

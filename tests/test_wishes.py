@@ -194,6 +194,19 @@ def test_a_wanted_value_that_is_not_met_is_said_even_quietly(
     assert told in Path("page.html").read_text(encoding="utf-8")
 
 
+def test_more_damping_taken_away_than_a_device_may_lose_is_told_as_unmet() -> None:
+    least = load_device("homerehab").simultaneous_box().damping[0]
+    profile = _tuned({"it": {"damping": -30.0}})
+    it = profile.elements["it"]
+    assert it.damping == pytest.approx(-least / 2.0, rel=0.01)  # at twice the gain
+    assert it.limited_by["damping"] == "gain-margin"
+    (note,) = profile.notes
+    assert note.startswith("it.damping: -30 N·s/m is asked for, -3.97")
+    assert "limited by gain-margin" in note
+    found = _tuned({"it": {"damping": it.damping}})
+    assert (found.elements["it"].limited_by["damping"], found.notes) == ("wanted", ())
+
+
 @pytest.mark.long
 def test_ten_elements_are_tuned_together() -> None:
     elements = {f"e{k}": {"damping": 5.0 + k} for k in range(10)}

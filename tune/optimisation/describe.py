@@ -168,7 +168,7 @@ def bindings(
     bounds: dict[int, dict[LimitedBy, float]] = {
         index: {"wanted": unknown.high}
         for index in indices
-        if (unknown := problem.unknowns[index]).wish.kind == "value"
+        if (unknown := problem.unknowns[index]).ends_by == "wanted"
         and sizes[index] >= unknown.high * (1 - _BINDS)
     }
     near = {i: float(sizes[i]) * _NEAR for i in indices if i not in bounds}
@@ -197,12 +197,7 @@ def _bounds(
         least = min(top, stable)
         noisy = ripple_bound(problem, sizes, index, least)
         found: dict[LimitedBy, float] = {**linear[index], "delay-margin": stable, "ripple": noisy}
-        if unknown.wish.kind == "value":
-            found["wanted"] = unknown.high
-        elif unknown.wish.kind != "range" and unknown.sign < 0:
-            found["gain-margin"] = unknown.high
-        else:
-            found["range"] = unknown.high
+        found[unknown.ends_by] = unknown.high
         bounds[index] = _close({w: bound for w, bound in found.items() if bound <= tops[index]})
     # Without the extra delay, or without the gain margin too, more is stable: asked for only where
     # what is asked for less binds.

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from identification import round_to_digits
 from tune.documents.perception import Scale
+from tune.documents.profile import LimitedBy
 from tune.documents.scene import EffectName, Wish
 from tune.loop.loop import Loop
 from tune.rendering import IN_MOTION, PLACES, Band, Shares
@@ -103,6 +104,13 @@ class Unknown:
     def goal(self) -> float:
         """Steps of a wanted value, which count as all there is to reach; 1 elsewhere."""
         return self.steps(self.high) if self.wish.kind == "value" else 1.0
+
+    @property
+    def ends_by(self) -> LimitedBy:
+        """What its largest size comes from: the wish, or all that a device may be made to lose."""
+        if self.sign < 0 and (self.wish.high is None or self.high < abs(self.wish.high)):
+            return "gain-margin"
+        return "wanted" if self.wish.kind == "value" else "range"
 
     def size_at(self, steps: float | FloatArray) -> FloatArray:
         """The size that is perceived as so many steps, of their shape."""

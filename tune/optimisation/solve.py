@@ -452,8 +452,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
             )
         elif unknown.low > top and _NOTHING < unknown.steps(top) < 1:
-            words: dict[str, LimitedBy] = {"value": "wanted", "range": "range"}
-            word = words.get(unknown.wish.kind, "gain-margin") if top == unknown.high else "force"
+            word = unknown.ends_by if top == unknown.high else "force"
             reasons[unknown.label] = _imperceptible(unknown, top, word)
         elif unknown.low > top:
             reasons[unknown.label] = (

@@ -207,6 +207,19 @@ def test_more_damping_taken_away_than_a_device_may_lose_is_told_as_unmet() -> No
     assert (found.elements["it"].limited_by["damping"], found.notes) == ("wanted", ())
 
 
+@pytest.mark.parametrize("wanted", [1e-4, 2.0, -2.0])
+def test_a_wanted_value_of_less_than_a_step_is_told_how_much_one_is(wanted: float) -> None:
+    with pytest.raises(NoFeasibleEffectError, match="of a step a hand can tell") as caught:
+        _tuned({"it": {"damping": wanted}})
+    assert str(caught.value).endswith("limited by wanted")
+    found = re.search(r"which is (\S+),", str(caught.value))
+    assert found
+    step = float(found[1])
+    played = _tuned({"it": {"damping": step}}).elements["it"]
+    assert played.damping == step
+    assert played.perceived_steps["damping"] == pytest.approx(1.0, abs=0.01)
+
+
 @pytest.mark.long
 def test_ten_elements_are_tuned_together() -> None:
     elements = {f"e{k}": {"damping": 5.0 + k} for k in range(10)}

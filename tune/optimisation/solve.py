@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import as_stored
+from identification import as_stored, round_to_digits
 from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import AbsoluteStability, LimitedBy
 from tune.documents.scene import MARGINS, Scene
@@ -451,7 +451,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
                 f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
                 f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
             )
-        elif unknown.low > top and _NOTHING < unknown.steps(top) < 1:
+        elif unknown.low > top and (top == unknown.high or _NOTHING < unknown.steps(top) < 1):
             word = unknown.ends_by if top == unknown.high else "force"
             reasons[unknown.label] = _imperceptible(unknown, top, word)
         elif unknown.low > top:
@@ -484,10 +484,13 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
 
 
 def _imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
-    """What is said of a size that is less than one step."""
+    """What is said of a size that is less than one step, and how much one is, rounded up."""
+    step = float(unknown.size_at(1.0))
+    digit = 10.0 ** (np.floor(np.log10(step)) - 2)
+    step = round_to_digits(float(np.floor(step / digit + 1)) * digit, 3)
     return (
         f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
-        f"limited by {word}"
+        f"which is {unknown.sign * step:.4g}, limited by {word}"
     )
 
 

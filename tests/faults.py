@@ -416,6 +416,13 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "tune/verification/measured_law.py",
+        "tests/test_fading_logs.py",
+        ("rows of a fade", "argmax(size > 0) + rows", "argmax(size > 0)"),
+        ("rows of a fade after a pause", ": end + rows] = False", ": end] = False"),
+        ("a wrong law after a fade", "or (later.effects and not seen.effects)", ""),
+    ),
+    *_of(
         "tune/optimisation/describe.py",
         "tests/test_wishes.py -k pumped",
         ("no fade is slow enough", "if least > LONGEST_FADE:", "if least < 0:"),

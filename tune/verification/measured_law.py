@@ -101,9 +101,31 @@ def judge_law(
 
     The gain is that at which it was played, or None where the user did not say. Force and position
     are printed to ``digits``; ``size`` is how large the force is in all directions, N, shape (n,).
+    Where an element that fades seems to play another law, it is judged after its fade.
     """
+    used = _rows_of_the_law(profile, size, trajectory.position, digits.force)
+    seen = _judged(profile, combinations, trajectory, gain, digits, used)
+    fades = {each: max(profile.elements[name].fade_time for name in each) for each in combinations}
+    fading = tuple(each for each in combinations if fades[each])
+    if not fading or seen.outcomes[0].verdict != "disagrees":
+        return seen
+    rows = int(np.ceil(max(fades.values()) / profile.loop.sample_time))
+    faded = used & _faded(size, trajectory.position, rows)
+    later = _judged(profile, fading, trajectory, gain, digits, faded)
+    explains = later.outcomes[0].verdict == "agrees" or (later.effects and not seen.effects)
+    return later if explains or seen.elements in fading else seen
+
+
+def _judged(
+    profile: Design,
+    combinations: tuple[Combination, ...],
+    trajectory: Trajectory,
+    gain: float | None,
+    digits: Digits,
+    used: NDArray[np.bool_],
+) -> MeasuredLaw:
+    """The law on certain rows of the log."""
     force, position = trajectory.force, trajectory.position
-    used = _rows_of_the_law(profile, size, position, digits.force)
     log = Log(loop=profile.loop, force=force, position=position, used=used)
     effects = {combination: effects_of(profile, combination) for combination in combinations}
     unseen = MeasuredLaw(
@@ -117,7 +139,7 @@ def judge_law(
     )
     columns = log.columns(profile.loop)
     if columns is None or columns.scale == 0:
-        why = f"{np.count_nonzero(used)} rows are neither saturated nor outside of the wall"
+        why = f"{np.count_nonzero(used)} rows are neither saturated, outside of the wall nor fading"
         outcome = unassessed_outcome("law", why, "Log a longer stretch, or play a lower gain.")
         return replace(unseen, outcomes=(outcome, unassessed_outcome("gain", "no law is seen")))
     fits = {combination: fit_scaled(columns, each) for combination, each in effects.items()}
@@ -206,6 +228,14 @@ def _rows_of_the_law(
         least = min(least, _COUNTS * resolution.value)
     saturated |= _moving(size >= largest * (1 - _AT_LIMIT) - digit, position, least)
     return ~(saturated | _moving(size == 0, position, _OUTSIDE * reach))
+
+
+def _faded(size: FloatArray, position: FloatArray, rows: int) -> NDArray[np.bool_]:
+    """All but so many rows from where the force sets in, and before it goes; shape (n,)."""
+    kept = np.arange(size.size) >= np.argmax(size > 0) + rows
+    for first, end in stretches(_moving(size == 0, position, _OUTSIDE * float(np.ptp(position)))):
+        kept[max(first - rows, 0) : end + rows] = False
+    return kept
 
 
 def _moving(rows: NDArray[np.bool_], position: FloatArray, least: float) -> NDArray[np.bool_]:

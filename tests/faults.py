@@ -423,6 +423,11 @@ FAULTS: tuple[Fault, ...] = (
         ("a wrong law after a fade", "or (later.effects and not seen.effects)", ""),
     ),
     *_of(
+        "tune/judging.py",
+        "tests/test_audit.py -k its_own_level",
+        ("the level of the element", ".force_level or level)", ".margins.gain * level)"),
+    ),
+    *_of(
         "tune/optimisation/describe.py",
         "tests/test_wishes.py -k pumped",
         ("no fade is slow enough", "if least > LONGEST_FADE:", "if least < 0:"),

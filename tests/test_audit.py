@@ -25,6 +25,7 @@ from tests.commands import haptune
 from tests.reference import reference_loop, stable_by_jury
 from tests.true_loops import safe_gain
 from tune import Effects, Filters, Loop, SafeProfile, Scene, audit, compare, largest, optimise
+from tune.loop.loop import filters_of
 
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
 FILTERED = ("--velocity-filter", "30", "--acceleration-filter", "30")
@@ -82,6 +83,22 @@ def test_a_wall_of_a_profile_is_judged_as_a_wall_that_is_cut(tmp_path: Path) -> 
     strange = haptune(*softer, "--like", f"{path},door")
     assert strange.code == 2
     assert "door is no element of it" in strange.err
+
+
+def test_a_wall_that_shares_the_peak_is_judged_as_cut_at_its_own_level() -> None:
+    """Of 28 N at the peak rubber takes 5 N, 1 cm deep; half of the rest is for each of them."""
+    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
+    wall = {"stiffness": 3000.0, "damping": 30.0, "one_sided": True}
+    elements = {"wall": wall, "rubber": {"stiffness": 500.0}}
+    scene = Scene.model_validate({"elements": elements, "loop": loop})
+    device = load_device("homerehab")
+    profile = optimise(device, scene)
+    its = profile.elements["wall"]
+    assert its.force_level == 11.5
+    assert its.contact is not None
+    effects = Effects(stiffness=its.stiffness, damping=its.damping)
+    found = audit(device, effects, filters=filters_of(profile.loop), like=(profile, "wall"))
+    assert found.wall.depth_at_peak_force == its.contact.depth_at_peak_force
 
 
 def test_without_filters_the_encoder_is_why_it_is_not_fit() -> None:

@@ -172,8 +172,8 @@ def audit(
         filters: of the controller; None is plain backward differences.
         margin: what is asked for.
         extra_delay_samples: on top of the device's delay, from now on part of it.
-        like: a profile and the name of its element as which they are judged: a wall, cut at the
-            limit of force, in its motion, rippling as much as is allowed there. None is an element
+        like: a profile and the name of its element as which they are judged: a wall, cut at its
+            level of force, in its motion, rippling as much as is allowed there. None is an element
             that is neither, in the usual motion.
         proved: False leaves out certificate and nearest safe values, which take most of the time;
             nothing is safe then.
@@ -212,7 +212,11 @@ def audit(
         except CheckFailedError as error:
             least = "Lower the gains."
             faults = tuple(Fault("certificate", why, "proved", least) for why in error.failures)
-    wall = design.elements[ELEMENT].model_copy(update={"one_sided": True})
+    level = design.elements[ELEMENT].force_level
+    if like is not None:
+        level = min(level, like[0].elements[like[1]].force_level or level)
+    changed = {"one_sided": True, "force_level": level}
+    wall = design.elements[ELEMENT].model_copy(update=changed)
     extra = problem.margin.extra_delay_samples
     sustained, peak = (None if cut else float(force) for force in forces(combination, sizes))
     total = problem.effects(combination, sizes)

@@ -428,6 +428,16 @@ FAULTS: tuple[Fault, ...] = (
         ("the level of the element", ".force_level or level)", ".margins.gain * level)"),
     ),
     *_of(
+        "tune/optimisation/problem.py",
+        "tests/test_wishes.py -k its_fade",
+        ("what is left out pumps no more", 'if f"{element}.{effect}" not in left', "if self"),
+    ),
+    *_of(
+        "tune/optimisation/describe.py",
+        "tests/test_wishes.py -k its_fade",
+        ("a spring that an element has", 'ways *= "stiffness" in wishes', "ways *= 1"),
+    ),
+    *_of(
         "tune/optimisation/describe.py",
         "tests/test_wishes.py -k pumped",
         ("no fade is slow enough", "if least > LONGEST_FADE:", "if least < 0:"),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import load_device, quantity
+from identification import Device, load_device, parse_document, quantity, to_mapping
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
 from tune import NoFeasibleEffectError, SafeProfile, Scene, load_scene, optimise
@@ -258,3 +258,29 @@ def test_what_no_fade_keeps_from_being_pumped_is_left_out_and_the_rest_tuned() -
     apart = optimise(device, Scene.model_validate({**scene, "together": []}))
     assert apart.elements["wall"].stiffness > 4000
     assert apart.elements["cup"].mass > 0.01
+
+
+def _well_known() -> Device:
+    """2 kg and 6 N·s/m, known to parts in a thousand."""
+    known = {"mass": (2.0, 4e-4), "damping": (6.0, 3e-3), "coulomb_friction": (0.5, 1e-3)}
+    changed = {name: quantity(v, v - part, v + part) for name, (v, part) in known.items()}
+    content = to_mapping(load_device("homerehab").model_copy(update=changed))
+    return parse_document(Device, content | {"force_limit": {"continuous": 10.0, "peak": 20.0}}, "")
+
+
+def test_what_is_left_out_for_its_fade_holds_nothing_else_down_and_is_told_what_helps() -> None:
+    gum = {"gum": {"stiffness": "max", "damping": 5.0}}
+
+    def found(**light: object) -> SafeProfile:
+        scene: dict[str, Any] = {"elements": gum | light, "margin": "firm"}
+        scene |= {"together": [["gum", *light]]} if light else {}
+        return optimise(_well_known(), Scene.model_validate(scene))
+
+    alone, beside = found(), found(light={"damping": "min"})
+    assert beside.elements["light"].damping == 0
+    assert beside.elements["gum"].stiffness == alone.elements["gum"].stiffness
+    (note,) = beside.notes
+    told = re.search(r"Ask for a value closer to zero than (\S+), or keep it apart from gum$", note)
+    assert told
+    assert not re.search("spring|ask for damping", note)
+    assert float(told[1]) < -3.9

@@ -57,6 +57,7 @@ from tune.optimisation.describe import (
     element_profile,
     extra_delays,
     notes_of_unmet,
+    why_pumped,
     with_fades,
     with_levels_and_contacts,
     with_what_is_felt,
@@ -95,12 +96,6 @@ _Content = dict[str, object]
 _UNPROVED = (
     "it was not proved stable for every device of the box within the cells that are looked at; ask "
     "for less of it, or narrow the intervals of the device"
-)
-#: Why what fades in an element is left out.
-_PUMPED = (
-    "however slowly it fades, a hand that enters and leaves it in time could pump the device. Give "
-    "its spring an element of its own, felt together with it, ask for damping in the same element "
-    "or for less mass, or keep it apart from what it meets"
 )
 
 
@@ -253,7 +248,8 @@ def _proposed(
         design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
     except NoFadeError as error:
         say(f"{error.element} could be pumped however slowly it fades")
-        return _proposed(filters, _solved(_without_fade(solved, error.element), filters, say), say)
+        less = _without_fade(solved, error.element)
+        return _proposed(filters, _solved(less, filters, say), say)
     return task, as_stored(design), witnesses_of(task, solutions)
 
 
@@ -266,8 +262,8 @@ def _without_fade(solved: _Solved, element: str) -> DesignTask:
         if any(u.element == element and not u.settled for u in each.problem.unknowns)
     )
     fading = {
-        unknown.label: _PUMPED
-        for unknown in own.problem.unknowns
+        unknown.label: why_pumped(task.scene, unknown, float(size))
+        for unknown, size in zip(own.problem.unknowns, own.sizes, strict=True)
         if unknown.element == element and (unknown.effect == "mass" or unknown.sign < 0)
     }
     left = keep_promises(own.problem, fading)

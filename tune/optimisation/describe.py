@@ -39,7 +39,8 @@ from tune.documents.scene import (
 from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
-from tune.optimisation.feasibility import ripple, ripple_bound, stable_bounds, worst_gain
+from tune.optimisation.feasibility import bindings, ripple, worst_gain
+from tune.optimisation.limits import Unknown
 from tune.optimisation.problem import SLACK, Combination, DesignTask, Problem
 from tune.rendering import contact, rendered_mass_and_damping
 from tune.stability.criterion import damping_needed
@@ -54,32 +55,15 @@ FloatArray = NDArray[np.float64]
 
 #: Parts of a sample in which a delay margin is looked for and claimed.
 _PARTS = 10
-#: A limit binds where it leaves less than this, relative; written values are rounded by 1e-5.
-_BINDS = 1e-4
 #: Claimed margins are cut to this many digits, downwards, and capped: more says nothing.
 _MARGIN_CAP = 1000.0
-#: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
-_NEAR = 1.01
-#: Which limit is named where several bind.
-_ORDER: tuple[LimitedBy, ...] = (
-    "wanted",
-    "range",
-    "force",
-    "lead",
-    "rendering",
-    "ripple",
-    "stability",
-    "gain-margin",
-    "delay-margin",
-    "saturation",
-)
 #: A fade is so many times slower than the shortest at which no wave of the level was found to pump:
 #: of random ones, and of levels that chase a swing, the slowest that pump are 1.2 times as slow.
 _SLOWER = 2.0
 #: Fades are told in steps of this, s.
 _DIGIT = 0.01
-
-
+#: Why what fades in an element is left out.
+_PUMPED = "however slowly it fades, a hand that enters and leaves it in time could pump the device"
 #: Part of a wanted value from which on it is met: written values have six digits.
 _MET = 1 - 1e-5
 #: What bounds a spring that only the device's own damping holds, and what else would hold it.
@@ -152,74 +136,6 @@ def _stable(felt: Sequence[SizedCombination], late: float) -> BoolArray:
     for loop in felt[0].problem.loops.latest(late):
         good &= np.all(safe_up_to(loop, effects, 1 + CLOSE), axis=1)
     return good
-
-
-def bindings(
-    problem: Problem,
-    sizes: FloatArray,
-    indices: Sequence[int],
-    stepped_back: frozenset[int] = frozenset(),
-) -> list[LimitedBy]:
-    """The constraint that keeps each of some effects from being larger, the others as they are.
-
-    Where effects were stepped back for the proof of clamps, this binds those that no limit meets.
-    One that is as large as was wanted is limited by that, whatever else it meets.
-    """
-    bounds: dict[int, dict[LimitedBy, float]] = {
-        index: {"wanted": unknown.high}
-        for index in indices
-        if (unknown := problem.unknowns[index]).ends_by == "wanted"
-        and sizes[index] >= unknown.high * (1 - _BINDS)
-    }
-    near = {i: float(sizes[i]) * _NEAR for i in indices if i not in bounds}
-    bounds |= _bounds(problem, sizes, near)
-    open_ = [index for index, found in bounds.items() if not found]
-    bounds |= {index: {"saturation": near[index]} for index in stepped_back.intersection(open_)}
-    bounds |= _bounds(problem, sizes, {i: np.inf for i in open_ if i not in stepped_back})
-    tightest = [sorted(bounds[index], key=_ORDER.index) for index in indices]
-    return [words[0] if words else "force" for words in tightest]
-
-
-def _bounds(
-    problem: Problem, sizes: FloatArray, tops: dict[int, float]
-) -> dict[int, dict[LimitedBy, float]]:
-    """The tightest limits of each unknown, by its index, as far as they lie below the given tops.
-
-    Sizes by word; none where nothing limits it up to the top.
-    """
-    gain = problem.margin.gain
-    linear = {index: problem.linear.bounds(sizes, index) for index in tops}
-    most = {i: min(top, problem.unknowns[i].high, *linear[i].values()) for i, top in tops.items()}
-    late = stable_bounds(problem, sizes, [*most], [*most.values()], gain)
-    bounds: dict[int, dict[LimitedBy, float]] = {}
-    for (index, top), stable in zip(most.items(), late, strict=True):
-        unknown = problem.unknowns[index]
-        least = min(top, stable)
-        noisy = ripple_bound(problem, sizes, index, least)
-        found: dict[LimitedBy, float] = {**linear[index], "delay-margin": stable, "ripple": noisy}
-        found[unknown.ends_by] = unknown.high
-        bounds[index] = _close({w: bound for w, bound in found.items() if bound <= tops[index]})
-    # Without the extra delay, or without the gain margin too, more is stable: asked for only where
-    # what is asked for less binds.
-    relaxed: tuple[tuple[LimitedBy, LimitedBy, float], ...] = (
-        ("gain-margin", "delay-margin", gain),
-        ("stability", "gain-margin", 1.0),
-    )
-    for word, before, full in relaxed:
-        asked = [i for i, found in bounds.items() if before in found]
-        ends = [bounds[i][before] * (1 + 2 * _BINDS) for i in asked]
-        present = stable_bounds(problem, sizes, asked, ends, full, late=False)
-        for index, stable in zip(asked, present, strict=True):
-            found = bounds[index]
-            found[word] = min(stable, found.get(word, np.inf))
-            bounds[index] = _close(found)
-    return bounds
-
-
-def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
-    """The limits that are as tight as the tightest."""
-    least = min(bounds.values(), default=0.0)
-    return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
 
 
 class _CombinationMargins(NamedTuple):
@@ -474,6 +390,21 @@ def _sum(elements: Sequence[ElementProfile]) -> Values:
     """K, B and M of some elements together."""
     K, B, M = (sum((getattr(each, name) for each in elements), 0.0) for name in EFFECT_NAMES)
     return K, B, M
+
+
+def why_pumped(scene: Scene, unknown: Unknown, size: float) -> str:
+    """Why so much of an effect that fades is left out, and what to ask for instead."""
+    name = unknown.element
+    wishes = scene.elements[name].wishes()
+    ways = ["give its spring an element of its own, felt together with it"]
+    ways *= "stiffness" in wishes
+    ways += ["ask for damping in the same element"] * ("damping" not in wishes)
+    less = "less than" if unknown.sign > 0 else "a value closer to zero than"
+    ways.append(f"ask for {less} {format_number(unknown.sign * size)}")
+    met = dict.fromkeys(each for s in scene.subsets() if name in s for each in s if each != name)
+    ways += [f"keep it apart from {' and '.join(met)}"] * bool(met)
+    words = ", or ".join(ways)
+    return f"{_PUMPED}. {words[0].upper()}{words[1:]}"
 
 
 def with_what_is_felt(

@@ -1,4 +1,6 @@
-"""Feasibility of sizes, exact: limits that are kept, how large one may be, where a search begins.
+"""Feasibility of sizes, exact: limits that are kept, how large one may be, what stops it there.
+
+And where a search begins.
 
 Stability is looked at "late", with the margin's extra delay, or at the device's own delay alone.
 """
@@ -12,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import round_to_digits
+from tune.documents.profile import LimitedBy
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
 from tune.optimisation.limits import DIGITS
@@ -444,3 +447,90 @@ def round_sizes(problem: Problem, sizes: FloatArray) -> FloatArray:
         if good.size:
             return trials[good[0]]
     return sizes * (1 - SAME)
+
+
+#: A limit binds where it leaves less than this, relative; written values are rounded by 1e-5.
+_BINDS = 1e-4
+#: Limits are looked for up to so many times the size at hand, where one is as a rule, then beyond.
+_NEAR = 1.01
+#: Which limit is named where several bind.
+_ORDER: tuple[LimitedBy, ...] = (
+    "wanted",
+    "range",
+    "force",
+    "lead",
+    "rendering",
+    "ripple",
+    "stability",
+    "gain-margin",
+    "delay-margin",
+    "saturation",
+)
+
+
+def bindings(
+    problem: Problem,
+    sizes: FloatArray,
+    indices: Sequence[int],
+    stepped_back: frozenset[int] = frozenset(),
+) -> list[LimitedBy]:
+    """The constraint that keeps each of some effects from being larger, the others as they are.
+
+    Where effects were stepped back for the proof of clamps, this binds those that no limit meets.
+    One that is as large as was wanted is limited by that, whatever else it meets.
+    """
+    bounds: dict[int, dict[LimitedBy, float]] = {
+        index: {"wanted": unknown.high}
+        for index in indices
+        if (unknown := problem.unknowns[index]).ends_by == "wanted"
+        and sizes[index] >= unknown.high * (1 - _BINDS)
+    }
+    near = {i: float(sizes[i]) * _NEAR for i in indices if i not in bounds}
+    bounds |= _bounds(problem, sizes, near)
+    open_ = [index for index, found in bounds.items() if not found]
+    bounds |= {index: {"saturation": near[index]} for index in stepped_back.intersection(open_)}
+    bounds |= _bounds(problem, sizes, {i: np.inf for i in open_ if i not in stepped_back})
+    tightest = [sorted(bounds[index], key=_ORDER.index) for index in indices]
+    return [words[0] if words else "force" for words in tightest]
+
+
+def _bounds(
+    problem: Problem, sizes: FloatArray, tops: dict[int, float]
+) -> dict[int, dict[LimitedBy, float]]:
+    """The tightest limits of each unknown, by its index, as far as they lie below the given tops.
+
+    Sizes by word; none where nothing limits it up to the top.
+    """
+    gain = problem.margin.gain
+    linear = {index: problem.linear.bounds(sizes, index) for index in tops}
+    most = {i: min(top, problem.unknowns[i].high, *linear[i].values()) for i, top in tops.items()}
+    late = stable_bounds(problem, sizes, [*most], [*most.values()], gain)
+    bounds: dict[int, dict[LimitedBy, float]] = {}
+    for (index, top), stable in zip(most.items(), late, strict=True):
+        unknown = problem.unknowns[index]
+        least = min(top, stable)
+        noisy = ripple_bound(problem, sizes, index, least)
+        found: dict[LimitedBy, float] = {**linear[index], "delay-margin": stable, "ripple": noisy}
+        found[unknown.ends_by] = unknown.high
+        bounds[index] = _close({w: bound for w, bound in found.items() if bound <= tops[index]})
+    # Without the extra delay, or without the gain margin too, more is stable: asked for only where
+    # what is asked for less binds.
+    relaxed: tuple[tuple[LimitedBy, LimitedBy, float], ...] = (
+        ("gain-margin", "delay-margin", gain),
+        ("stability", "gain-margin", 1.0),
+    )
+    for word, before, full in relaxed:
+        asked = [i for i, found in bounds.items() if before in found]
+        ends = [bounds[i][before] * (1 + 2 * _BINDS) for i in asked]
+        present = stable_bounds(problem, sizes, asked, ends, full, late=False)
+        for index, stable in zip(asked, present, strict=True):
+            found = bounds[index]
+            found[word] = min(stable, found.get(word, np.inf))
+            bounds[index] = _close(found)
+    return bounds
+
+
+def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
+    """The limits that are as tight as the tightest."""
+    least = min(bounds.values(), default=0.0)
+    return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}

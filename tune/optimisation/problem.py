@@ -255,6 +255,16 @@ class DesignTask:
         """What is left out of some elements, by label, with the reason."""
         return {at: why for at, why in self.left_out if at.rpartition(".")[0] in elements}
 
+    def fades(self, element: str) -> bool:
+        """Whether mass is looked for in an element, or what is taken from the device."""
+        left = self.left_out_of([element])
+        asked = (
+            (effect, wish.sign)
+            for effect, wish in self.scene.elements[element].wishes().items()
+            if f"{element}.{effect}" not in left
+        )
+        return any(effect == "mass" or sign < 0 for effect, sign in asked)
+
     def loops(self, filters: Filters) -> Loops:
         """The loops with these filters at all corners, to the margin's extra delay."""
         if filters not in self._loops:
@@ -493,13 +503,14 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
         return frozenset()
     within = set(elements)
     groups = [set(s) for name in elements for s in task.subsets(name) if within >= {*s}]
+    fading = {name for name in elements if task.fades(name)}
     cut: set[str] = set()
     for name in elements:
         wish = scene.elements[name].stiffness
         if wish is None or scene.elements[name].penetration is not None:
             continue
         enough = wish.high is not None and wish.high * usual <= limit.continuous
-        pumps = any(scene.elements[other].fades for s in groups if name in s for other in s)
+        pumps = any(name in s and fading & s for s in groups)
         if name in scene.walls or (not enough and not pumps):
             cut.add(name)
     return frozenset(cut)

@@ -16,8 +16,8 @@ from tune.documents.profile import AbsoluteStability, LimitedBy
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
-from tune.optimisation.describe import bindings
 from tune.optimisation.feasibility import (
+    bindings,
     largest_allowed,
     least_beside,
     passes_cheap_limits,

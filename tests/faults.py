@@ -428,6 +428,16 @@ FAULTS: tuple[Fault, ...] = (
         ("the level of the element", ".force_level or level)", ".margins.gain * level)"),
     ),
     *_of(
+        "tune/optimisation/cutoffs.py",
+        "tests/test_wishes.py -k no_filter_keeps",
+        ("what no filter keeps does not count", "return left_out & found", "return left_out"),
+    ),
+    *_of(
+        "tune/optimisation/describe.py",
+        "tests/test_wishes.py -k beside_what_is_played",
+        ("what is played beside it", "0.0) | dict(played)", "0.0)"),
+    ),
+    *_of(
         "tune/optimisation/problem.py",
         "tests/test_wishes.py -k its_fade",
         ("what is left out pumps no more", 'if f"{element}.{effect}" not in left', "if self"),

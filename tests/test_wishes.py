@@ -220,6 +220,32 @@ def test_a_wanted_value_of_less_than_a_step_is_told_how_much_one_is(wanted: floa
     assert played.perceived_steps["damping"] == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_mass_that_no_filter_keeps_leaves_that_of_another_element() -> None:
+    beside = {"stiffness": 400.0, "mass": 1.0, "damping": "max"}
+    profile = _tuned({"lone": {"mass": "max"}, "held": beside})
+    alone = _tuned({"held": beside})
+    assert profile.elements["lone"].mass == 0
+    assert profile.elements["held"] == alone.elements["held"]
+    assert profile.elements["held"].mass > 0.9
+
+
+def test_what_would_be_felt_is_told_beside_what_is_played() -> None:
+    """Not beside nothing, and not beside a mass of 50 kg of which there is less."""
+    filters = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 4.0}
+    profile = _tuned({"it": {"mass": "max", "damping": "max"}}, loop=filters)
+    damping = profile.elements["it"].damping
+    assert damping > 100
+    found = re.search(r"of mass and (\S+) to \S+ N·s/m of damping", profile.notes[0])
+    assert found
+    assert float(found[1]) == pytest.approx(damping, rel=0.05)
+    filters = {"velocity_filter_hz": 100.0, "acceleration_filter_hz": 36.0}
+    heavy = _tuned({"it": {"mass": 50.0, "damping": 30.0}}, loop=filters)
+    assert 0.8 < heavy.elements["it"].mass < 1.0
+    (note,) = (each for each in heavy.notes if each.startswith("it.damping"))
+    assert "limited by rendering" in note
+    assert "kg" not in note
+
+
 @pytest.mark.long
 def test_ten_elements_are_tuned_together() -> None:
     elements = {f"e{k}": {"damping": 5.0 + k} for k in range(10)}

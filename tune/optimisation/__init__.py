@@ -240,8 +240,7 @@ def _proposed(
     What no fade keeps from being pumped is left out, and the rest tuned once more.
     """
     task, solutions = solved
-    reasons = {label: why for solved in solutions for label, why in solved.dropped.items()}
-    dropped = with_what_is_felt(task, filters, reasons)
+    dropped = with_what_is_felt(task, filters, solutions)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
     try:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import round_to_digits
 from tune.documents.estimators import DERIVATIVES, filter_of
-from tune.documents.scene import Cutoff, EffectName, Effects
+from tune.documents.scene import EffectName, Effects
 from tune.loop.loop import Filters, used_filters
 from tune.optimisation.feasibility import (
     SAME,
@@ -23,7 +22,15 @@ from tune.optimisation.feasibility import (
 )
 from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import maximise, slack_change
-from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
+from tune.optimisation.problem import (
+    COARSE,
+    CutoffAxis,
+    DesignTask,
+    Problem,
+    may_saturate,
+    problem_of,
+    ranks_of,
+)
 from tune.optimisation.solve import (
     CutoffObjective,
     Tuned,
@@ -32,19 +39,11 @@ from tune.optimisation.solve import (
     value_of,
     weights_of,
 )
-from tune.rendering import FASTEST
 
 FloatArray = NDArray[np.float64]
 
 #: The two cut-offs, and the effect that uses each.
 _CUTOFFS, _USES = ("velocity_filter_hz", "acceleration_filter_hz"), ("damping", "mass")
-#: Hz; a filter must pass the motions people make.
-_LOWEST = FASTEST
-#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: of a mass limited by
-#: ripple it rises with each, until force, stability or phantom damping makes it fall.
-_COARSE = 3.0
-#: Digits of a written cut-off.
-_DIGITS = 4
 #: Hills this much lower than the highest are climbed too: between first choices as much may lie.
 _LESS = 0.25
 #: Acceleration filters this much worse may yet be the best with another velocity filter.
@@ -77,14 +76,18 @@ def choose_filters(
     orders, then together by cutting planes, on a logarithmic scale above which there is no filter;
     free kinds likewise. A filter is there for an effect that uses it only: the velocity's for a
     damper, the other for a mass. What cannot be kept with the best of all that is left out once
-    more, and looked for without it. The best of other kinds follow, each with what groups that use
-    filters are worth with it at most: nothing is proved here.
+    more, and looked for without it: first what its element cannot keep by itself. The best of other
+    kinds follow, each with what groups that use filters are worth with it at most: nothing is
+    proved here.
     """
-    search = _search_of(task, say)
+    search, done = _search_of(task, say), frozenset[str]()
     best = search.best()
-    left_out = search.left_out(best)
-    if left_out and (fewer := _search_of(task, say, left_out)).free:
-        found = fewer.best()
+    for alone in (True, False):
+        left_out = search.left_out(best)
+        gone = _hopeless(task, say, left_out) if alone else left_out
+        if gone == done or not (fewer := _search_of(task, say, gone)).free:
+            continue
+        found, done = fewer.best(), gone
         idle = [DERIVATIVES[index] for index in search.free if index not in fewer.free]
         names = [f"{which}_filter{end}" for which in idle for end in ("", "_hz", "_order")]
         used = (filter_of(found, which) for which in DERIVATIVES if which not in idle)
@@ -92,6 +95,20 @@ def choose_filters(
         found = replace(found, **{name: getattr(best, name) for name in names})
         best = search.better(found, best)
     return search.ranked(best)
+
+
+def _hopeless(
+    task: DesignTask, say: Callable[[str], None], left_out: frozenset[str]
+) -> frozenset[str]:
+    """Those of some labels that are not kept where nothing but their element is looked for."""
+    elements = task.scene.elements
+    every = [(name, f"{name}.{effect}") for name in elements for effect in elements[name].wishes()]
+    found = set[str]()
+    for mine in dict.fromkeys(name for name, label in every if label in left_out):
+        search = _search_of(task, say, frozenset(label for name, label in every if name != mine))
+        own = {label for name, label in every if name == mine}
+        found |= own & search.left_out(search.best())
+    return left_out & found
 
 
 def _search_of(
@@ -110,7 +127,7 @@ def _search_of(
     with_velocity = "damping" in wishes and windowed is None
     velocity = loop.velocity_filter_hz if with_velocity else "none"
     acceleration = loop.acceleration_filter_hz if "mass" in wishes else "none"
-    axes = _Axis.of(velocity, nyquist), _Axis.of(acceleration, nyquist)
+    axes = CutoffAxis.of(velocity, nyquist), CutoffAxis.of(acceleration, nyquist)
     there = [1.0 if axis.free or axis.fixed else None for axis in axes]
     kinds: dict[Filters, None] = {}
     for ratio, pair in product(loop.ratios(), product(*map(loop.kinds, DERIVATIVES))):
@@ -130,7 +147,7 @@ class _Search:
         self,
         task: DesignTask,
         kinds: Sequence[Filters],
-        axes: tuple[_Axis, _Axis],
+        axes: tuple[CutoffAxis, CutoffAxis],
         say: Callable[[str], None],
         gone: frozenset[str],
     ) -> None:
@@ -344,7 +361,7 @@ class _Search:
         if hills:
             yield from hills
             return
-        step = math.log(_COARSE) / 3
+        step = math.log(COARSE) / 3
 
         def value(point: list[float]) -> float:
             objective = self._objective_of_all(point)
@@ -364,7 +381,7 @@ class _Search:
 
     def _near(self, kind: Filters, filters: Filters, index: int) -> list[list[float]]:
         """Points of a kind along one axis from where others are, the nearest first."""
-        point, step = self._place(filters), math.log(_COARSE) / 3
+        point, step = self._place(filters), math.log(COARSE) / 3
         self.kind = kind
         return [self._beside(point, index, count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
 
@@ -434,7 +451,7 @@ class _Search:
 
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
-        radius = math.log(_COARSE) / 2
+        radius = math.log(COARSE) / 2
         mine = (worth for each, worth in self.tried.items() if _kind_of(each) == self.kind)
         known = max(worth.value for worth in mine if worth.kept >= kept)
         gain = _SAME * self.unit
@@ -529,45 +546,6 @@ def _lag(filters: Filters) -> float:
     return sum(
         1 / hertz for hertz in (filters.velocity_filter_hz, filters.acceleration_filter_hz) if hertz
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Axis:
-    """The choices of one cut-off on a logarithmic scale, from coarse places to written hertz.
-
-    Beyond the last but one of the first places there is no filter; there is one place where the
-    cut-off is not free, but fixed.
-    """
-
-    first: tuple[float, ...]
-    fixed: float | None = None
-
-    @classmethod
-    def of(cls, cutoff: Cutoff, nyquist: float) -> _Axis:
-        if cutoff != "free" or nyquist <= _LOWEST:
-            return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
-        low, high = math.log(_LOWEST), math.log(nyquist)
-        count = math.ceil((high - low) / math.log(_COARSE))
-        return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
-
-    @property
-    def free(self) -> bool:
-        return len(self.first) > 1
-
-    def place(self, hertz: float | None) -> float:
-        """Where a cut-off is; beyond all of them for no filter."""
-        return math.log(hertz) if self.free and hertz else self.first[-1]
-
-    def moved(self, place: float, way: float) -> float:
-        """A place so much farther along, as far as there are filters."""
-        low, high = self.first[0], self.first[-2]
-        return min(max(min(place, high) + way, low), high)
-
-    def hertz(self, place: float) -> float | None:
-        """The cut-off as it is written; None for no filter."""
-        if not self.free:
-            return self.fixed
-        return None if place > self.first[-2] else round_to_digits(math.exp(place), _DIGITS)
 
 
 def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:

@@ -408,15 +408,19 @@ def why_pumped(scene: Scene, unknown: Unknown, size: float) -> str:
 
 
 def with_what_is_felt(
-    task: DesignTask, filters: Filters, dropped: Mapping[str, str]
+    task: DesignTask, filters: Filters, solutions: Sequence[Solution]
 ) -> dict[str, str]:
     """Reasons by label, with what else would be felt of what is dropped, and the remedy."""
     told: dict[str, str] = {}
+    sizes = {label: size for solved in solutions for label, size in solved.by_label().items()}
+    dropped = {label: why for solved in solutions for label, why in solved.dropped.items()}
     for label, why in dropped.items():
         name, _, effect = label.rpartition(".")
         effect = cast("EffectName", effect)
+        wishes = task.scene.elements[name].wishes()
+        beside = {e: wish.sign * sizes.get(f"{name}.{e}", 0.0) for e, wish in wishes.items()}
         # A spring is dropped for its force or for stability.
-        felt = "" if effect == "stiffness" else _felt_instead(task, filters, name, effect, {})
+        felt = "" if effect == "stiffness" else _felt_instead(task, filters, name, effect, beside)
         told[label] = f"{why}{felt}. {_remedy(effect, 'less of it')}" if felt else why
         if effect == "stiffness" and why.endswith(_HELD) and _undamped(task, name):
             told[label] = f"{why}. Ask for {_DAMPED}"
@@ -504,18 +508,16 @@ def _felt_instead(
 ) -> str:
     """What a hand would feel of what is wanted, or else of a step; "" where that is within a step.
 
-    Other wanted values of its element are beside it, and what is played of the rest.
+    What is played of the rest of its element is beside it.
     """
     device, scene, table = task.device, task.scene, task.table
     if name in scene.walls:
         return ""
     motion, wishes = scene.motion(name, device.motion), scene.elements[name].wishes()
     scales = {each: Scale.of(each, device, table, motion) for each in EFFECT_NAMES}
-    sizes = dict.fromkeys(EFFECT_NAMES, 0.0) | {
-        each: wish.low or 0.0 if wish.kind in {"value", "range"} else played.get(each, 0.0)
-        for each, wish in wishes.items()
-    }
-    sizes[effect] = sizes[effect] or scales[effect].value_at(1.0, wishes[effect].sign)
+    wish, sizes = wishes[effect], dict.fromkeys(EFFECT_NAMES, 0.0) | dict(played)
+    asked = wish.low if wish.kind in {"value", "range"} else None
+    sizes[effect] = asked or scales[effect].value_at(1.0, wish.sign)
     felt = rendered_mass_and_damping(device, filters, **sizes)
     ends = {"mass": felt.mass_at_ends, "damping": felt.damping_at_ends}
     units, parts, most = UNITS[device.motion], list[str](), 0.0
@@ -524,5 +526,5 @@ def _felt_instead(
         most = max(most, float(np.max(np.abs(heights[:2] - heights[2]))))
         if any(pair):
             parts.append(f"{min(pair):.3g} to {max(pair):.3g} {units[each]} of {each}")
-    asked = f"{format_number(sizes[effect])} {units[effect]}"
-    return f"; with {asked} a hand would feel {' and '.join(parts)}" if most > 1 else ""
+    with_it = f"{format_number(sizes[effect])} {units[effect]}"
+    return f"; with {with_it} a hand would feel {' and '.join(parts)}" if most > 1 else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -11,12 +12,13 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device
+from identification import Device, round_to_digits
 from tune.documents.perception import PerceptionTable, Scale
 from tune.documents.scene import (
     DEFAULT_MOTION,
     EFFECT_NAMES,
     MARGINS,
+    Cutoff,
     EffectName,
     Effects,
     Element,
@@ -33,7 +35,7 @@ from tune.optimisation.limits import (
     renderings,
 )
 from tune.optimisation.region import Loops, Region
-from tune.rendering import Shares
+from tune.rendering import FASTEST, Shares
 
 FloatArray = NDArray[np.float64]
 
@@ -58,6 +60,13 @@ _YIELDS = 0.5
 _BARELY_FELT = 1e-3
 
 
+#: Hz; a filter must pass the motions people make.
+_LOWEST = FASTEST
+#: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: of a mass limited by
+#: ripple it rises with each, until force, stability or phantom damping makes it fall.
+COARSE = 3.0
+#: Digits of a written cut-off.
+_CUTOFF_DIGITS = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge; at the last two nothing beyond it is claimed, and at the last no
 #: multiplier has long taps.
@@ -514,3 +523,44 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
         if name in scene.walls or (not enough and not pumps):
             cut.add(name)
     return frozenset(cut)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutoffAxis:
+    """The choices of one cut-off on a logarithmic scale, from coarse places to written hertz.
+
+    Beyond the last but one of the first places there is no filter; there is one place where the
+    cut-off is not free, but fixed.
+    """
+
+    first: tuple[float, ...]
+    fixed: float | None = None
+
+    @classmethod
+    def of(cls, cutoff: Cutoff, nyquist: float) -> CutoffAxis:
+        """The choices of a cut-off as a scene states it, up to the Nyquist frequency, Hz."""
+        if cutoff != "free" or nyquist <= _LOWEST:
+            return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
+        low, high = math.log(_LOWEST), math.log(nyquist)
+        count = math.ceil((high - low) / math.log(COARSE))
+        return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
+
+    @property
+    def free(self) -> bool:
+        """Whether there is more than one choice."""
+        return len(self.first) > 1
+
+    def place(self, hertz: float | None) -> float:
+        """Where a cut-off is; beyond all of them for no filter."""
+        return math.log(hertz) if self.free and hertz else self.first[-1]
+
+    def moved(self, place: float, way: float) -> float:
+        """A place so much farther along, as far as there are filters."""
+        low, high = self.first[0], self.first[-2]
+        return min(max(min(place, high) + way, low), high)
+
+    def hertz(self, place: float) -> float | None:
+        """The cut-off as it is written; None for no filter."""
+        if not self.free:
+            return self.fixed
+        return None if place > self.first[-2] else round_to_digits(math.exp(place), _CUTOFF_DIGITS)

@@ -216,8 +216,7 @@ def load_mapping(path: str | PathLike[str], text: str | None = None) -> dict[str
     try:
         content: object = _loader().load(_read(Path(path)) if text is None else text)
     except _UnsafeError as error:
-        remedy = "Write the values out, one mapping of names"
-        raise InvalidInputError(path, str(error), remedy) from None
+        raise InvalidInputError(path, *error.told) from None
     except YAMLError as error:
         raise InvalidInputError(path, _yaml_sentence(error), "Correct it there") from None
     except (RecursionError, ValueError):
@@ -265,7 +264,13 @@ def _read(path: Path) -> str:
 
 
 class _UnsafeError(Exception):
-    """What makes a YAML file grow beyond its text."""
+    """What makes a YAML file grow beyond its text, or too large, and what to do about it."""
+
+    def __init__(
+        self, problem: str, remedy: str = "Write the values out, one mapping of names"
+    ) -> None:
+        self.told = problem, remedy
+        super().__init__(problem)
 
 
 def _loader() -> Any:
@@ -283,7 +288,8 @@ def _loader() -> Any:
             self.depth += kind.endswith(("SequenceStartEvent", "MappingStartEvent"))
             self.depth -= kind.endswith(("SequenceEndEvent", "MappingEndEvent"))
             if self.number > MOST_EVENTS:
-                raise _UnsafeError(f"holds more than {MOST_EVENTS} keys, values and brackets")
+                seen = f"holds more than {MOST_EVENTS} keys, values and brackets"
+                raise _UnsafeError(seen, "Give a smaller file")
             if self.depth > _DEEPEST:
                 raise _UnsafeError(f"is nested more than {_DEEPEST} levels deep")
             if getattr(event, "anchor", None) is not None:

@@ -68,6 +68,9 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (7, "it is a folder", "tune homerehab scene.yaml -o folder"),
     (7, "there is no folder absent", "tune homerehab scene.yaml -o absent/profile.yaml"),
     (7, "a device, not a file", "tune homerehab scene.yaml -o /dev/null"),
+    (2, "written to the standard output", "tune homerehab scene.yaml -o -"),
+    (2, "written to the standard output", "export changed.yaml --to c -o -"),
+    (3, "Give a smaller file", "tune homerehab large.yaml"),
     (7, "too long", f"new scene -o {'x' * 999}"),
     (3, "too long", f"identify log.csv --hardware {'x' * 999}.yaml"),
     (7, "cannot", "tune homerehab scene.yaml -o folder/full"),
@@ -87,6 +90,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "unknown-key.yaml": "elements: {wall: {stifness: max}}",
         "impossible.yaml": "elements: {wall: {stiffness: {min: 20000, max: 30000}}}",
         "perception.yaml": FLUID + "perception: absent.yaml\n",
+        "large.yaml": f"elements: {{wall: [{'1, ' * 20_000}]}}",
         "x.yaml": "axis: x\n",
         "late.yaml": "{motion: linear, sample_time: 0.001, mass: 3, damping: 10, delay: 0.05, "
         "encoder_resolution: 0.00001, force_limit: {continuous: 1, peak: 2}}",

@@ -246,6 +246,25 @@ def test_what_would_be_felt_is_told_beside_what_is_played() -> None:
     assert "kg" not in note
 
 
+def test_what_helps_is_told_once_and_fits() -> None:
+    """Not less of what is a step at least, nor at most of what is negative, nor the same twice."""
+    with pytest.raises(NoFeasibleEffectError) as caught:
+        _tuned({"it": {"damping": {"min": 200.0, "max": 300.0}}})
+    assert str(caught.value).count("Ask for") == 1
+    (note,) = _tuned({"it": {"damping": -5.0}}).notes
+    assert re.search(r"\. Ask for -3\.97\d N·s/m or closer to zero$", note)
+    with pytest.raises(NoFeasibleEffectError, match=r"damping\. Ask for damping beside it$"):
+        _tuned({"it": {"mass": "max"}})
+    held = _tuned({"it": {"mass": -20.0, "damping": 80.0}})
+    assert held.notes[0].endswith("or closer to zero, or for more damping beside it")
+
+
+def test_the_margin_of_a_range_that_is_not_met_is_the_one_of_the_scene() -> None:
+    wall = {"stiffness": {"min": 5e4, "max": 6e4}, "one_sided": True}
+    with pytest.raises(NoFeasibleEffectError, match="margin of 2 and 1 extra sample of delay"):
+        _tuned({"it": wall})
+
+
 @pytest.mark.long
 def test_ten_elements_are_tuned_together() -> None:
     elements = {f"e{k}": {"damping": 5.0 + k} for k in range(10)}

@@ -16,7 +16,7 @@ from typer import Argument, Option
 import identification as ident
 from identification import IdentificationError, InvalidInputError, NotWrittenError, UsageError
 from tune.cli import session as opt
-from tune.cli.session import Session, command
+from tune.cli.session import Session, command, refuse_standard_output
 from tune.documents import Exit, TuneError
 
 if TYPE_CHECKING:
@@ -140,6 +140,7 @@ def fleet_command(
 
     common: dict[str, Any] = {"columns": options.columns(), "method": method, "margin": margin}
     common |= {"allow": tuple(sorted(allow or ())), "scene": scene, "hardware": hardware}
+    refuse_standard_output(output)
     jobs = list(_jobs(manifest, common))
     if scene is not None:
         read_request(scene, margin)

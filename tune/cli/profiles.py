@@ -26,7 +26,7 @@ from tune.cli.logs import (
     write_hardware,
 )
 from tune.cli.preparation import RestlessError, refuse_restless, template
-from tune.cli.session import Session, command
+from tune.cli.session import Session, command, refuse_standard_output
 from tune.documents import CheckFailedError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
@@ -469,7 +469,8 @@ def _of_other_profiles(folder: Path, written: set[Path], sealed: str) -> list[Pa
 
 
 def _refuse_missing_folder(folder: Path) -> None:
-    """A folder is made in one that exists, not deeper. Raises NotWrittenError."""
+    """A folder is made in one that exists, not deeper. Raises NotWrittenError, UsageError."""
+    refuse_standard_output(folder)
     # The functions of os.path also take names that no folder can have.
     if not os.path.isdir(folder.parent):  # noqa: PTH112
         raise NotWrittenError(folder, f"there is no folder {folder.parent}")

@@ -55,6 +55,13 @@ _WORDS = {"Path": "FILE", "str": "NAME", "int": "N", "float": "X"}
 _SHORT = 1.0
 
 
+def refuse_standard_output(output: Path) -> None:
+    """Raise UsageError for "-", by which other programs mean the standard output."""
+    if str(output) == "-":
+        seen = "nothing is written to the standard output"
+        raise UsageError("--output", seen, "Give another name with -o")
+
+
 @dataclass(slots=True, kw_only=True)
 class Session:
     """What a command collects while it runs.
@@ -149,7 +156,7 @@ class Session:
         """
         if output is None:
             return
-
+        refuse_standard_output(output)
         for given in inputs:
             if given is not None and os.path.realpath(given) == os.path.realpath(output):
                 seen = f"{output} is one of the inputs"

@@ -34,6 +34,7 @@ from tune.documents.scene import (
     Effects,
     Margin,
     Scene,
+    Wish,
     format_number,
 )
 from tune.loop.loop import Filters, filters_of, used_filters
@@ -64,6 +65,8 @@ _SLOWER = 2.0
 _DIGIT = 0.01
 #: Why what fades in an element is left out.
 _PUMPED = "however slowly it fades, a hand that enters and leaves it in time could pump the device"
+#: What is said of an effect of less than a step, of which less does not help.
+TOO_LITTLE = "of a step a hand can tell"
 #: Part of a wanted value from which on it is met: written values have six digits.
 _MET = 1 - 1e-5
 #: What bounds a spring that only the device's own damping holds, and what else would hold it.
@@ -418,10 +421,15 @@ def with_what_is_felt(
         name, _, effect = label.rpartition(".")
         effect = cast("EffectName", effect)
         wishes = task.scene.elements[name].wishes()
-        beside = {e: wish.sign * sizes.get(f"{name}.{e}", 0.0) for e, wish in wishes.items()}
-        # A spring is dropped for its force or for stability.
-        felt = "" if effect == "stiffness" else _felt_instead(task, filters, name, effect, beside)
-        told[label] = f"{why}{felt}. {_remedy(effect, 'less of it')}" if felt else why
+        beside: dict[EffectName, float] = {
+            each: wish.sign * sizes.get(f"{name}.{each}", 0.0) for each, wish in wishes.items()
+        }
+        told[label] = why
+        # A spring is dropped for its force or for stability; other reasons have a remedy already.
+        if effect != "stiffness" and ". " not in why and not why.endswith("limited by wanted"):
+            felt = _felt_instead(task, filters, name, effect, beside)
+            remedy = _remedy(wishes, effect, "for less of it" * (TOO_LITTLE not in why))
+            told[label] = f"{why}{felt}. {remedy}" if felt and remedy else f"{why}{felt}"
         if effect == "stiffness" and why.endswith(_HELD) and _undamped(task, name):
             told[label] = f"{why}. Ask for {_DAMPED}"
     return told
@@ -461,11 +469,12 @@ def notes_of_unmet(
                 continue
             if why == "rendering":
                 felt = _felt_instead(task, filters, name, effect, played)
-            remedy = f"Ask for at most {most}" + f", or for {_DAMPED}" * undamped
+            less = f"for at most {most}" if size > 0 else f"for {most} or closer to zero"
+            remedy = f"Ask {less}" + f", or for {_DAMPED}" * undamped
             yield (
                 f"{note_of_unmet(about)}{format_number(asked)} {units[effect]} is "
                 f"asked for, {most} is played, limited by {why}{felt}. "
-                + (_remedy(effect, f"at most {most}") if felt else remedy)
+                + (_remedy(task.scene.elements[name].wishes(), effect, less) if felt else remedy)
             )
 
 
@@ -495,8 +504,13 @@ def unmet_wishes(profile: SafeProfile, scene: Scene) -> Iterator[Finding]:
                     )
 
 
-def _remedy(effect: EffectName, less: str) -> str:
-    return f"Ask for {less}" + (", or for damping beside it" if effect != "damping" else "")
+def _remedy(wishes: Mapping[EffectName, Wish], effect: EffectName, less: str) -> str:
+    """To ask for less, or for damping beside an effect, where that is not all there is."""
+    damping = wishes.get("damping")
+    more = "for damping beside it" if damping is None else "for more damping beside it"
+    held = effect == "damping" or (damping is not None and damping.kind in {"max", "min"})
+    ways = [way for way in (less, more * (not held)) if way]
+    return f"Ask {', or '.join(ways)}" if ways else ""
 
 
 def _felt_instead(
@@ -515,11 +529,15 @@ def _felt_instead(
         return ""
     motion, wishes = scene.motion(name, device.motion), scene.elements[name].wishes()
     scales = {each: Scale.of(each, device, table, motion) for each in EFFECT_NAMES}
-    wish, sizes = wishes[effect], dict.fromkeys(EFFECT_NAMES, 0.0) | dict(played)
+    sizes: dict[EffectName, float] = dict.fromkeys(EFFECT_NAMES, 0.0) | dict(played)
+    wish = wishes[effect]
     asked = wish.low if wish.kind in {"value", "range"} else None
     sizes[effect] = asked or scales[effect].value_at(1.0, wish.sign)
     felt = rendered_mass_and_damping(device, filters, **sizes)
-    ends = {"mass": felt.mass_at_ends, "damping": felt.damping_at_ends}
+    ends: dict[EffectName, tuple[float, float]] = {
+        "mass": felt.mass_at_ends,
+        "damping": felt.damping_at_ends,
+    }
     units, parts, most = UNITS[device.motion], list[str](), 0.0
     for each, pair in ends.items():
         heights = scales[each].height(np.array([*pair, sizes[each]])) / np.log1p(scales[each].weber)

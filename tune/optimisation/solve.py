@@ -16,6 +16,7 @@ from tune.documents.profile import AbsoluteStability, LimitedBy
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
+from tune.optimisation.describe import TOO_LITTLE
 from tune.optimisation.feasibility import (
     bindings,
     largest_allowed,
@@ -437,6 +438,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
     reasons: dict[str, str] = {}
     weakest = problem.region.box.damping[0]
     gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
+    asked = gain / ((1 + problem.room) * (1 + problem.slack))
     limits = problem.limits
     nothing = np.zeros(len(problem.unknowns))
     # A positive damper of the same element holds an effect on a device without damping.
@@ -449,7 +451,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
         if unknown.high <= 0:
             reasons[unknown.label] = (
                 f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
-                f"with a gain margin of {gain:g} at most {max(unknown.high, 0):.4g}"
+                f"with a gain margin of {asked:g} at most {max(unknown.high, 0):.4g}"
             )
         elif unknown.low > top and (top == unknown.high or _NOTHING < unknown.steps(top) < 1):
             word = unknown.ends_by if top == unknown.high else "force"
@@ -472,8 +474,8 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
             stable = bool(stable_points(problem, np.array([[unknown.low]]), gain)[0])
             if not stable and unknown.wish.kind == "range" and unknown.wish.low:
                 reasons[unknown.label] = (
-                    f"even {unknown.low:.4g} is not stable with a gain margin of {gain:g} and "
-                    f"{extra} extra samples of delay"
+                    f"even {unknown.low:.4g} is not stable with a gain margin of {asked:g} and "
+                    f"{extra} extra sample{'s' * (extra > 1)} of delay"
                 )
             else:
                 word = "stability"
@@ -489,7 +491,7 @@ def _imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
     digit = 10.0 ** (np.floor(np.log10(step)) - 2)
     step = round_to_digits(float(np.floor(step / digit + 1)) * digit, 3)
     return (
-        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} of a step a hand can tell, "
+        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} {TOO_LITTLE}, "
         f"which is {unknown.sign * step:.4g}, limited by {word}"
     )
 

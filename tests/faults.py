@@ -1012,6 +1012,11 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_findings.py -k holds_at_rest",
         ("what friction holds at rest", "self.direction)) * standing", "self.direction)) * 0"),
     ),
+    *_of(
+        "identification/fitting/dynamics.py",
+        "tests/test_dynamics.py -k mains",
+        ("a mode whose damping is told", "if ringing or NORMAL_95**2", "if 0 * NORMAL_95**2"),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

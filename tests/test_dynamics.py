@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Hardware, Identification, identify
+from identification import Hardware, Identification, Trajectory, identify
+from tests.exact_axis import Axis, counted, positions
 from tests.simulated.catalogue.cases import Level, cases
 
 #: Half-widths of 95 % within which an estimate of one log has to lie.
@@ -49,6 +50,23 @@ def test_a_mode_is_measured_and_carried() -> None:
     assert abs(mode.damping_ratio.value - 0.02) < 0.005
     assert abs(mode.at_encoder - np.sqrt(0.9 / 2.1)) < 0.02
     assert abs(found.device.mass.value - 3.0) < 0.01
+
+
+def test_mains_are_no_mode() -> None:
+    """A tone of 0.3 N at 50 Hz that nothing excites: its damping is not told from zero."""
+    generator = np.random.default_rng(0)
+    held = generator.integers(50, 400, 60)
+    levels = 5 * generator.uniform(0.3, 1, held.size) * (-1.0) ** np.arange(held.size)
+    force = np.repeat(levels, held)[:8000, None]
+    axis = Axis(mass=1.0, damping=4.0, coulomb=0.3, delay=1e-3)
+    time = 1e-3 * np.arange(len(force), dtype=np.float64)
+    hum = 0.3 * np.sin(2 * np.pi * 50 * time)
+    place = counted(positions(axis, force, disturbance=hum[:, None])[:, 0], 6e-6)
+    found = identify(Trajectory(time=time, force=force[:, 0], position=place))
+    (tone,) = [each for each in found.findings if each.code == "unmodelled-force"]
+    assert "a tone at 50" in tone.seen
+    assert found.device.modes == ()
+    assert found.device.mass.value == pytest.approx(1.0, rel=0.005)
 
 
 def test_play_widens_the_mass_down_to_what_stands_before_it() -> None:

@@ -101,6 +101,7 @@ class _Told:
     current_lag: Quantity | None = None
     mode: Mode | None = None
     near_mass: float | None = None
+    code: str = ""  # of the finding, if it is not that of the kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -368,7 +369,17 @@ class _Resonance(_Beside):
         slope[:, 0], slope[:, count] = 0.5 / mass - 0.5 / near, 0.5 / near
         slope[0, own], slope[1, own + 1] = 1.0, 1.0
         places = found.theta[:2] + 0.5 * np.log(mass / near)
-        hertz, damped = map(_around, places, np.einsum("ij,jk,ik->i", slope, around, slope))
+        variances = np.einsum("ij,jk,ik->i", slope, around, slope)
+        hertz, damped = map(_around, places, variances)
+        ringing = found.theta[1] - self.ranges()[1][0] < _NUDGE
+        if ringing or NORMAL_95**2 * variances[1] > 1:
+            return _Told(
+                code="unmodelled-force",
+                seen=f"a tone at {_range(hertz)} Hz that force need not excite: it dies out no "
+                f"faster than at a damping ratio of {_range(damped)}, which may be zero",
+                remedy="Look for what hums, as mains, a fan or a control loop do; shield the "
+                "readings or turn it off, and log again.",
+            )
         part = float(np.sqrt(second / near))
         mode = None
         if damped.high < 1:
@@ -505,7 +516,7 @@ def _described(
     most = _MOST_BY_PLAY if isinstance(kind, _Play) else _MOST
     told, refused = kind.told(found, around), share > most
     named = Finding(
-        code=kind.code,
+        code=told.code or kind.code,
         severity="refusal" if refused else "warning",
         seen=f"{log.source} shows {told.seen}; with it {left:.0%} is left of the mean square that "
         f"mass, damping and friction miss of the force{_departure(kind)}",

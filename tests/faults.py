@@ -880,6 +880,15 @@ FAULTS: tuple[Fault, ...] = (
         ("the direction to play along", "where = along(safe, direction)", 'where = ""'),
     ),
     *_of(
+        "identification/planning/several_axes.py",
+        "tests/test_excitation_of_axes.py -k any_direction",
+        (
+            "light in one direction of many",
+            "_turned(Region.stated(wanted), count))",
+            "_devices(Region.stated(wanted), count))",
+        ),
+    ),
+    *_of(
         "tune/cli/session.py",
         "tests/test_units_of_axes.py -k names_the",
         ("the log that a refusal is of", 'source.count(", ") + 1 < self.logs', "False"),

@@ -85,6 +85,22 @@ def test_axes_have_lines_of_their_own_and_all_limits_are_kept() -> None:
     assert 0.02 < np.max(np.abs(seen.truth)) <= 0.04
 
 
+def test_devices_that_are_light_in_any_direction_stay_within_the_travel() -> None:
+    """Not along the axes or the diagonals only; the damping is least in every direction."""
+    ranges = {
+        "mass": (1.8, 3.0, 4.2),
+        "damping": (6.0, 10.0, 16.0),
+        "coulomb_friction": (0.5, 0.7, 1.0),
+    }
+    guesses = {k: {"low": low, "value": at, "high": high} for k, (low, at, high) in ranges.items()}
+    plan = plan_axes(spec(duration=4.0, **guesses))
+    turns = np.pi * np.arange(24) / 24
+    units = np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    mass = 4.2 * np.eye(2) - 2.4 * units[:, :, None] * units[:, None, :]
+    seen = played(plan, mass, np.broadcast_to(6 * np.eye(2), mass.shape), np.full(24, 0.5))
+    assert 0.03 < np.max(np.abs(seen.truth)) <= 0.04
+
+
 def test_intervals_are_those_that_identify_states() -> None:
     """Within a factor of two, as one log tells them; of a coupled device as well."""
     plan = planned()

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations, pairwise, product
 
 import numpy as np
@@ -48,6 +49,12 @@ FloatArray = NDArray[np.float64]
 _FEWEST_LINES = 2
 #: Levels of friction looked at, and of mass and damping where the axes are not coupled.
 _LEVELS = 3
+#: Directions in which a device is lightest or heaviest: so many an axis, and so many farthest and
+#: fastest devices, found at a coarse step, that are played at the step of the loop.
+_DIRECTIONS, _FARTHEST = 8, 16
+#: Coarse steps in a period of the fastest line, at least; times that forces are fitted again.
+_COARSE, _REFITS = 20.0, 4
+_SEED = 1
 #: Samples of axes of devices that are simulated at once: some 500 MB.
 _AT_ONCE = 10_000_000
 #: Directions this much weaker than the strongest tell nothing.
@@ -128,21 +135,35 @@ def plan_axes(
     bench = DesignGrid.of(wanted)
     say(f"designing multisines of {count} axes")
     net, lines = _net_forces(bench, count)
-    devices = _devices(Region.stated(wanted), count)
+    every = _joined(_devices(Region.stated(wanted), count), _turned(Region.stated(wanted), count))
+    fastest = max(float(each[-1]) for each in lines)
     spread = BETWEEN if wanted.ranges else 1.0
-    say(f"fitting them to the limits on {len(devices.mass)} devices")
+    say(f"fitting them to the limits on {len(every.mass)} devices")
     against = np.stack([opposing_force(wanted, each) for each in net.T], axis=1)
-    found = fit_to_limits(
-        lambda scale: np.stack(
-            [rounded(each, wanted.force) for each in (scale * net + against).T], axis=1
-        ),
-        lambda force: Used.of(
-            wanted, force, *_extremes(devices, force, wanted.sample_time), spread
-        ),
-    )
-    if isinstance(found, Used):
-        raise InvalidInputError("excitation", *describe_impossible(wanted, found))
-    force, used = found
+
+    def force_at(scale: float) -> FloatArray:
+        scaled = (scale * net + against).T
+        return np.stack([rounded(each, wanted.force) for each in scaled], axis=1)
+
+    def used_by(force: FloatArray, devices: DevicesOfAxes) -> Used:
+        return Used.of(wanted, force, *_extremes(devices, force, wanted.sample_time), spread)
+
+    def farthest(force: FloatArray) -> NDArray[np.intp]:
+        return _farthest(every, force, wanted.sample_time, fastest)
+
+    looked_at, force = np.zeros(0, dtype=np.intp), force_at(1.0)
+    fitted, used = every, None
+    for _ in range(_REFITS):
+        added = np.setdiff1d(farthest(force), looked_at)
+        if used is not None and (not added.size or used_by(force, _some(every, added)).most <= 1):
+            break
+        looked_at = np.union1d(looked_at, added)
+        fitted = _some(every, looked_at)
+        found = fit_to_limits(force_at, partial(used_by, devices=fitted))
+        if isinstance(found, Used):
+            raise InvalidInputError("excitation", *describe_impossible(wanted, found))
+        force, used = found
+    assert used is not None  # it is fitted once at least
     say("looking for the devices that go farthest")
     motion, expected = _predicted(force, wanted)
     return AxesExcitation(
@@ -152,7 +173,7 @@ def plan_axes(
         motion=motion,
         expected=expected,
         used=used,
-        worst=_worst_motions(spec, force, count),
+        worst=_worst_motions(spec, force, count, fitted, fastest),
     )
 
 
@@ -222,6 +243,69 @@ def _devices(region: Region, count: int) -> DevicesOfAxes:
     )
 
 
+def _turned(region: Region, count: int) -> DevicesOfAxes:
+    """Devices that are lightest, or heaviest, in one of many directions, their damping least.
+
+    Or least along it only. Friction is least, of one axis largest or of none.
+    """
+    (light, heavy), (least, most) = region.mass, region.damping
+    eye = np.eye(count)
+    if count == 2:
+        angles = np.pi * np.arange(_DIRECTIONS * count) / (_DIRECTIONS * count)
+        units = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    else:
+        units = np.random.default_rng(_SEED).normal(size=(_DIRECTIONS * count, count))
+        units = np.vstack((units / np.linalg.norm(units, axis=1, keepdims=True), eye))
+    matrices: list[tuple[FloatArray, FloatArray]] = []
+    for unit in units:
+        along = np.outer(unit, unit)
+        for mass in (along, eye - along)[: 1 + (count > 2)]:
+            matrices += [
+                (light * eye + (heavy - light) * mass, least * eye + (most - least) * damping)
+                for damping in (0 * eye, eye - along)[: 1 + (most > least)]
+            ]
+    low, high = region.friction
+    frictions = np.unique([low + (high - low) * row for row in (*eye, 0 * eye[0])], axis=0)
+    offsets = np.unique([[each] * count for each in region.offset], axis=0)
+    every = list(product(matrices, frictions, offsets))
+    return DevicesOfAxes(
+        mass=np.stack([mass for (mass, _), _, _ in every]),
+        damping=np.stack([damping for (_, damping), _, _ in every]),
+        friction=np.stack([friction for _, friction, _ in every]),
+        offset=np.stack([offset for _, _, offset in every]),
+        delay=np.zeros(len(every)),
+        speed=np.zeros((len(every), count)),
+        place=np.zeros((len(every), count)),
+    )
+
+
+def _joined(*devices: DevicesOfAxes) -> DevicesOfAxes:
+    return DevicesOfAxes(
+        **{
+            name: np.concatenate([getattr(each, name) for each in devices])
+            for name in DevicesOfAxes.__slots__
+        }
+    )
+
+
+def _some(devices: DevicesOfAxes, places: NDArray[np.intp] | slice) -> DevicesOfAxes:
+    return DevicesOfAxes(
+        **{name: getattr(devices, name)[places] for name in DevicesOfAxes.__slots__}
+    )
+
+
+def _farthest(
+    devices: DevicesOfAxes, force: FloatArray, step: float, fastest: float
+) -> NDArray[np.intp]:
+    """Places of the devices that go farthest, and fastest, at a step that forces, Hz, allow."""
+    wide = max(1, int(1 / (_COARSE * fastest * step)))
+    rest = -len(force) % wide
+    filled = np.concatenate((force, np.zeros((rest, force.shape[1]))))
+    coarse = filled.reshape(-1, wide, force.shape[1]).mean(axis=1)
+    found = [np.argsort(-each)[:_FARTHEST] for each in _extremes(devices, coarse, wide * step)]
+    return np.unique(np.concatenate(found))
+
+
 def _extremes(
     devices: DevicesOfAxes, force: FloatArray, step: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -230,32 +314,29 @@ def _extremes(
     parts = min(many, int(np.ceil(many * force.size / _AT_ONCE)))
     found: list[FloatArray] = []
     for low, high in pairwise(np.linspace(0, many, parts + 1).astype(int).tolist()):
-        some = {name: getattr(devices, name)[low:high] for name in DevicesOfAxes.__slots__}
-        place = DevicesOfAxes(**some).positions(force, step, 0)
+        place = _some(devices, slice(low, high)).positions(force, step, 0)
         speed = np.diff(place, axis=0) / step
         found.append(np.stack([np.max(np.abs(each), axis=(0, 2)) for each in (place, speed)]))
     reach, fastest = np.concatenate(found, axis=1)
     return reach, fastest
 
 
-def _worst_motions(spec: ExcitationSpec, force: FloatArray, count: int) -> tuple[WorstMotion, ...]:
-    """Worst travel and speed of any axis over the devices that a user may really have."""
+def _worst_motions(
+    spec: ExcitationSpec, force: FloatArray, count: int, fitted: DevicesOfAxes, fastest: float
+) -> tuple[WorstMotion, ...]:
+    """Worst travel and speed of any axis over the devices that a user may really have.
+
+    Those fitted to are among the stated ones.
+    """
     sets = list(regions(spec))
-    devices = [_devices(region, count) for _, _, region in sets]
-    every = DevicesOfAxes(
-        **{
-            name: np.concatenate([getattr(each, name) for each in devices])
-            for name in DevicesOfAxes.__slots__
-        }
-    )
-    reach, speed = _extremes(every, force, spec.sample_time)
-    ends = np.cumsum([len(each.mass) for each in devices])[:-1]
-    return tuple(
-        WorstMotion.of(name, words, far, fast)
-        for (name, words, _), far, fast in zip(
-            sets, np.split(reach, ends), np.split(speed, ends), strict=True
-        )
-    )
+    worst: list[WorstMotion] = []
+    for place, (name, words, region) in enumerate(sets):
+        devices = _devices(region, count)
+        if place == 0 and not spec.gentle:
+            devices = _joined(devices, fitted)
+        some = _some(devices, _farthest(devices, force, spec.sample_time, fastest))
+        worst.append(WorstMotion.of(name, words, *_extremes(some, force, spec.sample_time)))
+    return tuple(worst)
 
 
 def _predicted(force: FloatArray, spec: ExcitationSpec) -> tuple[Answer, dict[str, float]]:

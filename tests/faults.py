@@ -442,7 +442,7 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_wishes.py -k helps_is_told_once",
         ("a remedy told twice", '". " not in why and', ""),
         ("less of too little", "* (TOO_LITTLE not in why)", ""),
-        ("at most of what is negative", "if size > 0 else f", "if size else f"),
+        ("at most of what is negative", "if sign > 0 else f", "if sign else f"),
         ("more damping where there is some", "if damping is None else", "if True else"),
     ),
     *_of(
@@ -468,6 +468,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/optimisation/describe.py",
         "tests/test_wishes.py -k its_fade",
+        ("halves of what is pumped", "(size / 2**count for", "(size / 1.01**count for"),
         ("a spring that an element has", 'ways *= "stiffness" in wishes', "ways *= 1"),
     ),
     *_of(

@@ -243,16 +243,17 @@ def _proposed(
     dropped = with_what_is_felt(task, filters, solutions)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
+    design = design_of(task, filters, solutions, dropped)
     try:
-        design = with_fades(design_of(task, filters, solutions, dropped), task.scene)
+        design = with_fades(design, task.scene)
     except NoFadeError as error:
         say(f"{error.element} could be pumped however slowly it fades")
-        less = _without_fade(solved, error.element)
+        less = _without_fade(solved, design, error.element)
         return _proposed(filters, _solved(less, filters, say), say)
     return task, as_stored(design), witnesses_of(task, solutions)
 
 
-def _without_fade(solved: _Solved, element: str) -> DesignTask:
+def _without_fade(solved: _Solved, design: Design, element: str) -> DesignTask:
     """The task without what fades in an element: mass, and what is taken from the device."""
     task, solutions = solved
     (own,) = (
@@ -261,7 +262,7 @@ def _without_fade(solved: _Solved, element: str) -> DesignTask:
         if any(u.element == element and not u.settled for u in each.problem.unknowns)
     )
     fading = {
-        unknown.label: why_pumped(task.scene, unknown, float(size))
+        unknown.label: why_pumped(task.scene, design, unknown, float(size))
         for unknown, size in zip(own.problem.unknowns, own.sizes, strict=True)
         if unknown.element == element and (unknown.effect == "mass" or unknown.sign < 0)
     }

@@ -6,6 +6,7 @@ And of wanted values that are not met: by how much, why, and what a hand would h
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal, NamedTuple, cast
@@ -63,6 +64,8 @@ _MARGIN_CAP = 1000.0
 _SLOWER = 2.0
 #: Fades are told in steps of this, s.
 _DIGIT = 0.01
+#: So many halves are tried of what could be pumped.
+_HALVINGS = 3
 #: Why what fades in an element is left out.
 _PUMPED = "however slowly it fades, a hand that enters and leaves it in time could pump the device"
 #: What is said of an effect of less than a step, of which less does not help.
@@ -241,10 +244,10 @@ def element_profile(
     )
 
 
-def _floored(force: float) -> float:
-    """Six digits of a force, rounded towards nothing."""
-    unit = 10.0 ** (np.floor(np.log10(force)) - 5)
-    return round_to_digits(float(np.floor(force / unit * (1 + 1e-12)) * unit), 6)
+def _floored(size: float, digits: int = 6) -> float:
+    """A size to so many digits, rounded towards nothing."""
+    unit = 10.0 ** (np.floor(np.log10(size)) + 1 - digits)
+    return round_to_digits(float(np.floor(size / unit * (1 + 1e-12)) * unit), digits)
 
 
 def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design:
@@ -395,19 +398,36 @@ def _sum(elements: Sequence[ElementProfile]) -> Values:
     return K, B, M
 
 
-def why_pumped(scene: Scene, unknown: Unknown, size: float) -> str:
-    """Why so much of an effect that fades is left out, and what to ask for instead."""
+def why_pumped(scene: Scene, design: Design, unknown: Unknown, size: float) -> str:
+    """Why so much of an effect that fades is left out of a design, and what to ask for instead.
+
+    The half of it, or half of that, is told where no hand was found to pump it.
+    """
     name = unknown.element
     wishes = scene.elements[name].wishes()
     ways = ["give its spring an element of its own, felt together with it"]
     ways *= "stiffness" in wishes
     ways += ["ask for damping in the same element"] * ("damping" not in wishes)
-    less = "less than" if unknown.sign > 0 else "a value closer to zero than"
-    ways.append(f"ask for {less} {format_number(unknown.sign * size)}")
+    sizes = (size / 2**count for count in range(1, _HALVINGS + 1))
+    for less in (each for each in sizes if each >= unknown.low):
+        changed = design.elements[name].model_copy(update={unknown.effect: unknown.sign * less})
+        tried = design.model_copy(update={"elements": {**design.elements, name: changed}})
+        with suppress(NoFadeError, InvalidInputError):
+            with_fades(tried, scene)
+            most = format_number(unknown.sign * _floored(less, 2))
+            ways.append(f"ask {_at_most(most, unknown.sign)}")
+            break
+    else:
+        ways.append(f"ask for much less than {format_number(unknown.sign * size)}")
     met = dict.fromkeys(each for s in scene.subsets() if name in s for each in s if each != name)
     ways += [f"keep it apart from {' and '.join(met)}"] * bool(met)
     words = ", or ".join(ways)
     return f"{_PUMPED}. {words[0].upper()}{words[1:]}"
+
+
+def _at_most(most: str, sign: float) -> str:
+    """For a size at most, which of a negative one is what is closer to zero."""
+    return f"for at most {most}" if sign > 0 else f"for {most} or closer to zero"
 
 
 def with_what_is_felt(
@@ -469,7 +489,7 @@ def notes_of_unmet(
                 continue
             if why == "rendering":
                 felt = _felt_instead(task, filters, name, effect, played)
-            less = f"for at most {most}" if size > 0 else f"for {most} or closer to zero"
+            less = _at_most(most, size)
             remedy = f"Ask {less}" + f", or for {_DAMPED}" * undamped
             yield (
                 f"{note_of_unmet(about)}{format_number(asked)} {units[effect]} is "

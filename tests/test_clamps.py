@@ -205,7 +205,7 @@ def test_a_wall_and_what_it_meets_leave_room_for_each_other(
 
 
 def test_taps_that_hold_a_whole_exponential_cost_a_wall_little_beside_rubber() -> None:
-    """A lightly damped device at 4 kHz, whose wall lags by 25 samples: shorter ones cost a third."""
+    """A lightly damped device at 4 kHz, whose wall lags by 25 samples: few cost it a third."""
     known = {"mass": quantity(2.0), "damping": quantity(2.0), "sample_time": quantity(2.5e-4)}
     device = load_device("homerehab").model_copy(update=known)
     loop = {"margin": "firm", "loop": {"velocity_filter_hz": 15.0}}

@@ -204,6 +204,25 @@ def test_a_wall_and_what_it_meets_leave_room_for_each_other(
     assert told == ([pytest.approx(alone, rel=0.01)] if alone > 2 * wall.stiffness else [])
 
 
+def test_what_a_wall_meets_leaves_room_where_it_could_be_proved_as_next_to_nothing() -> None:
+    """A damper as large as can be would leave 193 N/m of the 3 840 that a light device has."""
+    device = Device(
+        motion="linear",
+        mass=quantity(0.765, 0.75, 0.78),
+        damping=quantity(2.43, 1.7, 3.17),
+        sample_time=quantity(1e-3),
+        delay=quantity(2e-3),
+        coulomb_friction=quantity(0.036),
+        encoder_resolution=quantity(1.5e-5),
+        force_limit=ForceLimit(continuous=5.2, peak=15.5),
+    )
+    elements = {"wall": WALL, "honey": {"damping": "max"}}
+    wanted = {"elements": elements, "margin": "conservative", "loop": {"velocity_filter_hz": 110.0}}
+    profile = tuned(device, Scene.model_validate(wanted))
+    assert profile.elements["wall"].stiffness > 1500
+    assert profile.elements["honey"].damping > 10
+
+
 def test_taps_that_hold_a_whole_exponential_cost_a_wall_little_beside_rubber() -> None:
     """A lightly damped device at 4 kHz, whose wall lags by 25 samples: few cost it a third."""
     known = {"mass": quantity(2.0), "damping": quantity(2.0), "sample_time": quantity(2.5e-4)}

@@ -66,7 +66,7 @@ def _find_multiplier(
     condition = _Condition.of(responses, parts, gain, ladder)
     slopes = _slopes(responses, parts, condition)
     seen = np.arange(0, condition.factors.shape[1], seen_of, dtype=np.intp)
-    weights: FloatArray | None = None
+    weights: FloatArray | None = np.empty(0)
     for _ in range(_ROUNDS):
         weights = _program(condition.matrices(seen), slopes)
         if weights is None:
@@ -76,7 +76,6 @@ def _find_multiplier(
         if not short.size:
             break
         seen = np.union1d(seen, short)
-    assert weights is not None
     return _multiplier(weights, condition.owners, parts, grounded=responses.grounded)
 
 
@@ -510,7 +509,7 @@ _MOST_ROOMS, _LESS_ROOM, _LEAST_ROOM, _HELPS = 10, 0.7, 3e-4, 0.97
 _LONG_STEP, _MOST_HALVINGS = 0.05, 3
 #: Steps of stiffness that are given up for a proof at most, how closely it is known how many, and
 #: where multipliers are looked for then, as parts of the gain that is asked for.
-_MOST_LOST, _CLOSE_LOST, _SURE = 5.0, 0.2, (1.02, 1.0)
+MOST_LOST, _CLOSE_LOST, _SURE = 5.0, 0.2, (1.02, 1.0)
 #: A gain as good as none.
 _NO_GAIN = 0.05
 
@@ -565,6 +564,12 @@ def step_back(
     return sizes, found, tightest
 
 
+def steps_lost(problem: Problem, sizes: FloatArray, alone: Mapping[str, float]) -> float:
+    """Most steps that a spring is below what it has alone, if that is known."""
+    both = [(u, u.steps(size)) for u, size in zip(problem.unknowns, sizes.tolist(), strict=True)]
+    return max((u.steps(alone[u.label]) - n for u, n in both if u.label in alone), default=0.0)
+
+
 def soften(
     problem: Problem,
     linear: FloatArray,
@@ -578,7 +583,7 @@ def soften(
     allow if that is not known, do not.
     """
     springs = [
-        (u, u.steps(size), max(u.steps(size) - u.steps(alone.get(u.label, size)) + _MOST_LOST, 0.0))
+        (u, u.steps(size), max(u.steps(size) - u.steps(alone.get(u.label, size)) + MOST_LOST, 0.0))
         for u, size in zip(problem.unknowns, linear.tolist(), strict=True)
         if u.effect == "stiffness" and not u.settled
     ]
@@ -591,7 +596,7 @@ def soften(
             return None
         sizes = round_sizes(less, other.sizes)
         found = prove_combinations(problem, sizes, best and best[1], _SURE)
-        good = min(each.gain for each in found.values()) >= problem.proved_gain
+        good = all(each.gain >= problem.proved_gain for each in found.values())
         return (sizes, found) if good else None
 
     few, many = 0.0, max((spare for _, _, spare in springs), default=0.0)
@@ -607,8 +612,7 @@ def soften(
 def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> AbsoluteStability:
     """What is claimed of a combination: what was found, with its gain to three decimals downwards.
 
-    It is at least that of the margin; a part of what is beyond it, the slack, is not claimed, and
-    at the last slack nothing of it.
+    It is at least that of the margin; the slack is a part of what is beyond it and not claimed.
     """
     if slack >= SLACK[-2]:
         return found.model_copy(update={"gain": margin.gain})

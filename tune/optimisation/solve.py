@@ -183,17 +183,18 @@ def _solved(
             sizes = round_sizes(less, other.sizes)
     found: AllFound = {}
     if second_opinion and any(combination.absolute for combination in problem.combinations):
-        from tune.optimisation.saturation import soften, step_back
+        from tune.optimisation.saturation import MOST_LOST, soften, step_back, steps_lost
 
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
-        if gain < problem.proved_gain:
-            alone = _springs_alone(task, elements, filters, cut) if settled else {}
+        short = gain < problem.proved_gain
+        alone = _springs_alone(task, elements, filters, cut) if settled else {}
+        if short or steps_lost(problem, sizes, alone) > MOST_LOST:
             soft = soften(problem, linear, alone, tuned, dropped)
             clash = _pair(task, elements, tightest) if soft is None else None
             if clash is not None:
                 return replace(nothing, clash=clash)
-            if soft is None:
+            if soft is None and short:
                 own = [u for u in problem.unknowns if not u.settled]
                 label = min(own, key=lambda u: u.effect != "stiffness").label
                 proved = f"proved stable to a gain of {gain:.4g} only"
@@ -202,7 +203,7 @@ def _solved(
                 return _solved(
                     task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
                 )
-            sizes, found = soft
+            sizes, found = soft or (sizes, found)
     return replace(
         nothing,
         sizes=sizes,

@@ -159,6 +159,13 @@ class AbsoluteStability(Document):
     held: Multiplier | None = None
     covers: tuple[str, ...]
 
+    @property
+    def longest_tap(self) -> int:
+        """Samples of the longest tap of both multipliers, 1 at least."""
+        stated = (each for each in (self.free, self.held) if each is not None)
+        taps = (tap.samples for each in stated for channel in each.channels for tap in channel.taps)
+        return max(taps, default=1)
+
 
 class Certificate(Document):
     """What was re-checked, how, over which region, and what it takes for granted.
@@ -217,17 +224,8 @@ class Certificate(Document):
 
         So long a clamp has to be without force before its gain may rise.
         """
-        return max(
-            (
-                tap.samples
-                for proved in (self.absolute_stability or {}).values()
-                for multiplier in (proved.free, proved.held)
-                if multiplier is not None
-                for channel in multiplier.channels
-                for tap in channel.taps
-            ),
-            default=1,
-        )
+        proofs = (self.absolute_stability or {}).values()
+        return max((each.longest_tap for each in proofs), default=1)
 
 
 #: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.

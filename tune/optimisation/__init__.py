@@ -7,7 +7,7 @@ one margin the largest product of steps is one point of many that no other excee
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Literal, cast
 
@@ -64,7 +64,7 @@ from tune.optimisation.describe import (
 )
 from tune.optimisation.feasibility import SAME
 from tune.optimisation.nash import Solution
-from tune.optimisation.problem import SLACK, DesignTask
+from tune.optimisation.problem import LONGER, SLACK, DesignTask
 from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import (
     CutoffObjective,
@@ -156,7 +156,7 @@ def _certified(filters: Filters, solved: _Solved, scene: Scene, say: Progress) -
             last = attempt == _MOST_ATTEMPTS or task.slack >= SLACK[-2]
             certificate = certify(design, None if last else _cells_of(task), witnesses)
         except CheckFailedError as error:
-            warned = _warned(task, error)
+            warned = _warned(task, error, witnesses)
             if warned is None or attempt == _MOST_ATTEMPTS:
                 raise
             solved = _solved(warned, filters, say)
@@ -270,10 +270,12 @@ def _without_fade(solved: _Solved, design: Design, element: str) -> DesignTask:
     return replace(task, left_out=(*task.left_out, *left.items()))
 
 
-def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
+def _warned(
+    task: DesignTask, error: CheckFailedError, witnesses: Mapping[str, AbsoluteStability]
+) -> DesignTask | None:
     """The task with the points at which its proposal was unstable; with more slack if none was.
 
-    None where neither is left to try.
+    None where neither is left to try: shorter taps are where some are long.
     """
     spots = tuple(
         PlantPoint(
@@ -291,7 +293,9 @@ def _warned(task: DesignTask, error: CheckFailedError) -> DesignTask | None:
     )
     spots = tuple(each for each in spots if each not in task.region.found)
     if not spots:
-        slack = next((more for more in SLACK[-2 * error.spent :] if more > task.slack), None)
+        long = any(each.longest_tap > LONGER for each in witnesses.values())
+        end = len(SLACK) if long else -1
+        slack = next((more for more in SLACK[2 * error.spent : end] if more > task.slack), None)
         return None if slack is None else replace(task, slack=slack)
     return replace(task, region=replace(task.region, found=task.region.found + spots))
 

@@ -69,8 +69,8 @@ COARSE = 3.0
 _CUTOFF_DIGITS = 4
 #: Margin beyond the one asked for, and less claimed of what is beyond it, relative, where a proof
 #: came too close to the edge; at the last two nothing beyond it is claimed, and at the last no
-#: multiplier has long taps.
-SLACK = (1e-3, 1e-2, 5e-2, 6e-2)
+#: multiplier has taps of more samples than these.
+SLACK, LONGER = (1e-3, 1e-2, 5e-2, 6e-2), 85
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

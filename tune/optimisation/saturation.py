@@ -19,7 +19,7 @@ from identification import round_to_digits
 from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
 from tune.optimisation.feasibility import round_sizes
-from tune.optimisation.problem import ROOM, SLACK, Combination, Problem
+from tune.optimisation.problem import LONGER, ROOM, SLACK, Combination, Problem
 from tune.stability.nonlinear import (
     Nonlinearities,
     Responses,
@@ -40,9 +40,9 @@ FloatArray = NDArray[np.float64]
 #: so many times the delay of the loop, or to this many.
 _SHORT, _RATIO, _DELAYS, _LONG = 8, 1.3, 6, 31
 #: Where those do not prove the gain that is asked for, up to so many times B/K of the clamp with
-#: the most, or to this many. Without delay M = 1 - 1/(1 + s·B/K) proves any sum of clamps: so many
+#: the most, or up to LONGER. Without delay M = 1 - 1/(1 + s·B/K) proves any sum of clamps: so many
 #: times B/K hold all of that exponential, if they are not more than this many.
-_LAGS, _LONGER, _ALL_LAGS, _LONGEST = 4, 85, 16, 400
+_LAGS, _ALL_LAGS, _LONGEST = 4, 16, 400
 #: Of the points of the grid the first program sees one in so many, or where a proof failed before.
 _SEEN, _SEEN_AGAIN = 192, 48
 #: Programs at most.
@@ -90,7 +90,7 @@ def _ladders(
     arrays = [each.arrays() for _, each in parts.clamps]
     lags = [float(np.asarray(B or 0.0)) / float(np.asarray(K)) for K, B, _ in arrays]
     lag = max(lags, default=0.0) / sample_time
-    for longest in (min(_LAGS * lag, _LONGER), _ALL_LAGS * lag * long):
+    for longest in (min(_LAGS * lag, LONGER), _ALL_LAGS * lag * long):
         tried += [longest] * (tried[-1] * _RATIO < longest <= _LONGEST)
     return [_ladder(longest) for longest in tried]
 

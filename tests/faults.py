@@ -1077,6 +1077,11 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "identification/fitting/several_axes.py",
+        "tests/test_units_of_axes.py -k one_sample_each",
+        ("rows of several axes", "inspect(axis, hardware, alone=False)", "inspect(axis, hardware)"),
+    ),
+    *_of(
         "tune/cli/preparation.py",
         "tests/test_rehearse.py -k faces_no_other",
         ("walls without a spring face none", "        and element.stiffness  #", "        #"),

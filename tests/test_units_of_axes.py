@@ -22,6 +22,28 @@ def _hardware(**given: object) -> Hardware:
     return ident.parse_document(Hardware, content, "hardware.yaml")
 
 
+@pytest.mark.parametrize("code", ["repeated-rows", "lost-rows"])
+def test_rows_of_several_axes_that_are_not_one_sample_each_are_refused(code: str) -> None:
+    """Of one axis their time is put right; of several it would stay wrong."""
+    log = motion(MASS, DAMPING, FRICTION, seed=1).log()
+    chosen = np.random.default_rng(1).choice(np.arange(100, len(log) - 100), 60, replace=False)
+    rows = np.arange(len(log))
+    kept = np.sort(np.append(rows, chosen)) if code == "repeated-rows" else np.delete(rows, chosen)
+    time = log.axes[0].sample_time * np.arange(kept.size)
+    wrong = replace(
+        log,
+        axes=tuple(
+            replace(each, time=time, force=each.force[kept], position=each.position[kept])
+            for each in log.axes
+        ),
+    )
+    with pytest.raises(LogRefusedError) as refused:
+        identify(wrong, hardware=_hardware())
+    found = [each for each in refused.value.findings if each.code == code]
+    assert found
+    assert all("of several axes" in each.seen for each in found)
+
+
 @pytest.mark.parametrize(("method", "gain"), [("auto", 0.5), ("least-squares", 1.1)])
 def test_a_force_of_one_axis_in_another_unit_is_refused(method: ident.Method, gain: float) -> None:
     """The mass that couples x to y is 1 kg in the force of x, and the gain times that in y's."""

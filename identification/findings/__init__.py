@@ -76,14 +76,16 @@ CODES = (
 )
 
 
-def inspect(trajectory: Trajectory, hardware: Hardware | None) -> tuple[Finding, ...]:
-    """What can be said before anything is estimated."""
+def inspect(
+    trajectory: Trajectory, hardware: Hardware | None, *, alone: bool = True
+) -> tuple[Finding, ...]:
+    """What can be said before anything is estimated; of one of several axes if not alone."""
     wrapped = tuple(encoder_wrap(trajectory))
     if wrapped:  # what else the position says is not the device's
         return (*sampling(trajectory, hardware), *wrapped, *saturation(trajectory, hardware))
     return (
         *sampling(trajectory, hardware),
-        *lost_rows(trajectory),
+        *lost_rows(trajectory, alone=alone),
         *units(trajectory, hardware),
         *resolution(trajectory, hardware),
         *saturation(trajectory, hardware),

@@ -67,33 +67,41 @@ class Restored:
         return replace(estimate, covariance=covariance)
 
 
-def lost_rows(trajectory: Trajectory) -> Iterator[Finding]:
-    """``lost-rows`` and ``repeated-rows``: steps of two steps or none, with no gap in time."""
+def lost_rows(trajectory: Trajectory, *, alone: bool = True) -> Iterator[Finding]:
+    """``lost-rows`` and ``repeated-rows``: steps of two steps or none, with no gap in time.
+
+    Time is put right of an axis alone only: several axes have one.
+    """
     found = restored(trajectory)
     if found.share == 0:
         return
-    refused = found.share > _HARMLESS and not found.usable
+    mends = found.usable and alone
+    refused = found.share > _HARMLESS and not mends
     if found.code == "repeated-rows":
-        done = "they are taken out" if found.usable else "how many others are is not told"
+        doubted = "how many others are is not told" if alone else "of several axes they stay"
+        done = "they are taken out" if mends else doubted
         yield Finding(
             code=found.code,
             severity="refusal" if refused else "warning",
             seen=f"{found.rows} rows of {trajectory.source}, {found.share:.1%} of the clear ones, "
             f"are equal to the row before in mid-motion, the first after {found.first:g} s; {done}",
-            needed="each row once" if found.usable else f"at most {_HARMLESS:.1%}",
+            needed="each row once" if mends else f"at most {_HARMLESS:.1%}",
             remedy="Log each sample once, with the controller's own time or its counter of "
             "samples, and give that as time.",
             at=((found.first, found.first),),
         )
         return
-    done = "time is put back there" if found.usable else "too few are clear to put time back"
+    doubted = (
+        "too few are clear to put time back" if alone else "of several axes time stays as it is"
+    )
+    done = "time is put back there" if mends else doubted
     yield Finding(
         code="lost-rows",
         severity="refusal" if refused else "warning",
         seen=f"{trajectory.source} steps twice as far as before and after, with no gap in time, in "
         f"{found.share:.1%} of its clear rows, the first after {found.first:g} s: rows were lost "
         f"and the others numbered anew; {done}",
-        needed="no row lost" if found.usable else f"at most {_HARMLESS:.1%}",
+        needed="no row lost" if mends else f"at most {_HARMLESS:.1%}",
         remedy="Log the controller's own time or its counter of samples with each row, and give "
         "it as time.",
         at=((found.first, found.first),),

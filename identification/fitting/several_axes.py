@@ -236,7 +236,7 @@ def _inspected(logs: tuple[Trajectories, ...], hardware: Hardware | None) -> tup
     return tuple(
         _of_axis(each, logs[0].names, place, axis.source)
         for place, axis in enumerate(named)
-        for each in inspect(axis, hardware)
+        for each in inspect(axis, hardware, alone=False)
     )
 
 

@@ -192,7 +192,9 @@ def _solved(
         if short or steps_lost(problem, sizes, alone) > MOST_LOST:
             soft = soften(problem, linear, alone, tuned, dropped)
             clash = _pair(task, elements, tightest) if soft is None else None
-            if clash is not None:
+            # Beside one that is proved, though soft, room is left once.
+            once = clash and not {*clash} & task.parts.keys() and task.with_room_for(*clash)
+            if clash is not None and (short or once):
                 return replace(nothing, clash=clash)
             if soft is None and short:
                 own = [u for u in problem.unknowns if not u.settled]

@@ -1077,6 +1077,16 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "identification/findings/forces.py",
+        "tests/test_findings.py -k less_than_the_log",
+        ("what an actuator gives", "if left > _BENT * straight:", "if left >= 0:"),
+        (
+            "a dead zone of an actuator",
+            '("above", part) if part < 1 else ("below", 1 / part)',
+            '("above", part)',
+        ),
+    ),
+    *_of(
         "identification/fitting/several_axes.py",
         "tests/test_units_of_axes.py -k one_sample_each",
         ("rows of several axes", "inspect(axis, hardware, alone=False)", "inspect(axis, hardware)"),

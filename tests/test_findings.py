@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from identification import (
     ForceLimit,
     Hardware,
+    LogRefusedError,
     SlopeRange,
     Trajectory,
     UnmodelledForce,
@@ -411,3 +413,28 @@ def test_standing_under_a_changing_force() -> None:
         push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
         place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
         assert {each.code for each in inspect(log(force, place), None)} == codes
+
+
+@pytest.mark.parametrize(
+    ("given", "where"),
+    [
+        (lambda force: np.clip(force, -0.6, 0.6), "above"),
+        (lambda force: np.sign(force) * np.maximum(np.abs(force) - 0.1, 0.0), "below"),
+        (lambda force: np.tanh(0.7 * force) / 0.7, "above"),
+    ],
+    ids=["clipped", "dead zone", "compressed"],
+)
+def test_an_actuator_that_gives_less_than_the_log_says_is_named(
+    given: Callable[[Array], Array], where: str
+) -> None:
+    """Parts of the largest force; mass is 3 to 40 % off then, and nothing else tells it."""
+    generator = np.random.default_rng(0)
+    axis = Axis(coulomb=0.8, delay=STEP)
+    force = multisine(generator, samples=8000, runs=1, axis=axis)
+    peak = np.abs(force).max()
+    place = counted(positions(axis, peak * given(force / peak)), COUNT)
+    hardware = Hardware(delay=quantity(STEP), encoder_resolution=quantity(COUNT))
+    with pytest.raises(LogRefusedError) as refused:
+        identify(log(force[:, 0], place[:, 0]), hardware=hardware)
+    (found,) = (each for each in refused.value.findings if each.code == "force-saturated")
+    assert found.seen.startswith(where)

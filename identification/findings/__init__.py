@@ -35,6 +35,7 @@ from identification.findings.forces import (
     hand,
     inertia,
     position_dependence,
+    uneven_actuator,
     unlogged,
 )
 from identification.findings.lost_rows import lost_rows
@@ -114,6 +115,7 @@ def judge(
         *excitation(trajectory, balance, regression, chosen, delay, left),
         *position_dependence(trajectory, balance, chosen),
         *hand(trajectory, balance, left),
+        *uneven_actuator(trajectory, balance),
         *cross_validation(trajectory, balance, chosen),
         *inertia(trajectory, balance, chosen),
         *cut_off_sensitivity(trajectory, chosen),

@@ -264,6 +264,49 @@ def hand(trajectory: Trajectory, balance: ForceBalance, left: Unlogged) -> Itera
     )
 
 
+#: Forces at which the answer of the device may bend, as quantiles of those of the log in motion.
+_KNEES = np.linspace(0.1, 0.97, 18)
+#: A bend at one of them leaves at most this part of the mean square that no bend leaves. Springs,
+#: friction, hands, play and lags that nobody stated leave 0.71 or more.
+_BENT = 0.6
+_FEWEST_BENT = 64  # rows in motion at least
+
+
+def uneven_actuator(trajectory: Trajectory, balance: ForceBalance) -> Iterator[Finding]:
+    """``force-saturated``: more force moves the device less, or more, than the force before it.
+
+    The acceleration is explained by force, friction and place, and by the force beyond a knee as
+    well: what the actuator gives is no straight line of what the log says (Hammerstein model).
+    """
+    moving = balance.moving
+    if np.count_nonzero(moving) < _FEWEST_BENT or balance.one_way:
+        return
+    way, fast = balance.direction, balance.velocity / np.max(np.abs(balance.velocity))
+    friction = (fast, way, np.ones_like(way), fast * way, fast**3, way * np.sqrt(np.abs(fast)))
+    columns = np.column_stack((balance.force, *friction, _powers_of(balance.position)))[moving]
+    force, answer = balance.force[moving], balance.acceleration[moving]
+    straight = float(np.mean(least_squares_residual(columns, answer) ** 2))
+    found: list[tuple[float, float, float]] = []
+    for knee in np.quantile(np.abs(force), _KNEES).tolist():
+        bent = np.column_stack((columns, force - np.clip(force, -knee, knee)))
+        weights = solve(bent, answer)
+        left = float(np.mean((answer - bent @ weights) ** 2))
+        found.append((left, knee, float((weights[0] + weights[-1]) / weights[0])))
+    left, knee, part = min(found)
+    if left > _BENT * straight:
+        return
+    where, less = ("above", part) if part < 1 else ("below", 1 / part)
+    yield Finding(
+        code="force-saturated",
+        severity="refusal",
+        seen=f"{where} some {knee:.3g} of the force of {trajectory.source} more of it moves the "
+        f"device {max(less, 0.0):.0%} as much as elsewhere, which explains "
+        f"{1 - left / straight:.0%} of what mass and friction leave over",
+        needed="the same answer to every force",
+        remedy="Log the force that the actuator gives, or excite within what it gives evenly.",
+    )
+
+
 def _tremor(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, *, held: bool
 ) -> tuple[float, float]:

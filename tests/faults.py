@@ -1078,8 +1078,13 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "identification/findings/forces.py",
-        "tests/test_findings.py -k less_than_the_log",
-        ("what an actuator gives", "if left > _BENT * straight:", "if left >= 0:"),
+        "tests/test_findings.py tests/test_long_logs.py -k 'less_than_the_log or left_out_is_seen'",
+        ("what an actuator gives", "for rows in halves)) > _BENT:", "for rows in halves)) > 0:"),
+        (
+            "an actuator in both halves",
+            "max(share, *(left_by(knee, rows) for rows in halves)) > _BENT",
+            "share > _BENT",
+        ),
         (
             "a dead zone of an actuator",
             '("above", part) if part < 1 else ("below", 1 / part)',

@@ -269,6 +269,8 @@ _KNEES = np.linspace(0.1, 0.97, 18)
 #: A bend at one of them leaves at most this part of the mean square that no bend leaves. Springs,
 #: friction, hands, play and lags that nobody stated leave 0.71 or more.
 _BENT = 0.6
+#: Less than this part of the acceleration, rms, is nothing that needs a bend.
+_STRAIGHT = 2e-3
 _FEWEST_BENT = 64  # rows in motion at least
 
 
@@ -285,23 +287,32 @@ def uneven_actuator(trajectory: Trajectory, balance: ForceBalance) -> Iterator[F
     friction = (fast, way, np.ones_like(way), fast * way, fast**3, way * np.sqrt(np.abs(fast)))
     columns = np.column_stack((balance.force, *friction, _powers_of(balance.position)))[moving]
     force, answer = balance.force[moving], balance.acceleration[moving]
-    straight = float(np.mean(least_squares_residual(columns, answer) ** 2))
-    found: list[tuple[float, float, float]] = []
-    for knee in np.quantile(np.abs(force), _KNEES).tolist():
-        bent = np.column_stack((columns, force - np.clip(force, -knee, knee)))
-        weights = solve(bent, answer)
-        left = float(np.mean((answer - bent @ weights) ** 2))
-        found.append((left, knee, float((weights[0] + weights[-1]) / weights[0])))
-    left, knee, part = min(found)
-    if left > _BENT * straight:
+    middle = answer.size // 2
+
+    def left_by(knee: float, rows: slice) -> float:
+        """Part of what no bend leaves, that a bend at this force does."""
+        beyond = (force - np.clip(force, -knee, knee))[rows]
+        bent = np.column_stack((columns[rows], beyond))
+        left = np.sum(least_squares_residual(bent, answer[rows]) ** 2)
+        return float(left / np.sum(least_squares_residual(columns[rows], answer[rows]) ** 2))
+
+    if np.std(least_squares_residual(columns, answer)) <= _STRAIGHT * np.std(answer):
         return
+    knees = np.quantile(np.abs(force), _KNEES).tolist()
+    share, knee = min((left_by(knee, slice(None)), knee) for knee in knees)
+    # A device that changes in between has no bend in either half.
+    halves = (slice(None, middle), slice(middle, None))
+    if max(share, *(left_by(knee, rows) for rows in halves)) > _BENT:
+        return
+    weights = solve(np.column_stack((columns, force - np.clip(force, -knee, knee))), answer)
+    part = float((weights[0] + weights[-1]) / weights[0])
     where, less = ("above", part) if part < 1 else ("below", 1 / part)
     yield Finding(
         code="force-saturated",
         severity="refusal",
         seen=f"{where} some {knee:.3g} of the force of {trajectory.source} more of it moves the "
         f"device {max(less, 0.0):.0%} as much as elsewhere, which explains "
-        f"{1 - left / straight:.0%} of what mass and friction leave over",
+        f"{1 - share:.0%} of what mass and friction leave over",
         needed="the same answer to every force",
         remedy="Log the force that the actuator gives, or excite within what it gives evenly.",
     )

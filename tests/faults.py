@@ -1079,10 +1079,14 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/findings/forces.py",
         "tests/test_findings.py tests/test_long_logs.py -k 'less_than_the_log or left_out_is_seen'",
-        ("what an actuator gives", "for rows in halves)) > _BENT:", "for rows in halves)) > 0:"),
+        (
+            "what an actuator gives",
+            "*part) for part in parts)) > _BENT:",
+            "*part) for part in parts)) > 0:",
+        ),
         (
             "an actuator in both halves",
-            "max(share, *(left_by(knee, rows) for rows in halves)) > _BENT",
+            "max(share, *(left_by(knee, *part) for part in parts)) > _BENT",
             "share > _BENT",
         ),
         (

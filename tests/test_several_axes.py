@@ -1054,6 +1054,13 @@ def test_motion_that_leaves_its_line_tells_the_law_only(
     assert "principal direction" in found["frequency"].remedy
 
 
+def write_log(log: ident.Trajectories, name: str) -> None:
+    """A file of the log, in the current folder."""
+    columns = [log.axes[0].time, *(a.force for a in log.axes), *(a.position for a in log.axes)]
+    names = "time,force_x,force_y,position_x,position_y"
+    np.savetxt(name, np.column_stack(columns), "%.9g", ",", header=names, comments="")
+
+
 def test_verify_compares_and_plans_along_principal_axes(
     room: Path,
     profile: SafeProfile,
@@ -1063,9 +1070,7 @@ def test_verify_compares_and_plans_along_principal_axes(
 ) -> None:
     monkeypatch.chdir(room)
     log = played(guard, bits, 7.5 * HEAVY)
-    columns = [log.axes[0].time, *(a.force for a in log.axes), *(a.position for a in log.axes)]
-    names = "time,force_x,force_y,position_x,position_y"
-    np.savetxt("played.csv", np.column_stack(columns), "%.9g", ",", header=names, comments="")
+    write_log(log, "played.csv")
     ended = haptune(
         "verify", "profile.yaml", "played.csv", *COLUMNS, "--release", str(RELEASE), "--json"
     )
@@ -1100,9 +1105,7 @@ def test_what_does_not_tell_is_to_be_played_along_a_principal_direction(
 ) -> None:
     monkeypatch.chdir(room)
     log = played(guard, bits, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
-    columns = [log.axes[0].time, *(a.force for a in log.axes), *(a.position for a in log.axes)]
-    names = "time,force_x,force_y,position_x,position_y"
-    np.savetxt("askew.csv", np.column_stack(columns), "%.9g", ",", header=names, comments="")
+    write_log(log, "askew.csv")
     ended = haptune("verify", "profile.yaml", "askew.csv", *COLUMNS, "--release", str(RELEASE))
     assert ended.code == 4
     (x, y) = re.findall(r"Instead along \((\S+) x, (\S+) y\): play rubber", ended.err)[0]

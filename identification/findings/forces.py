@@ -287,24 +287,27 @@ def uneven_actuator(trajectory: Trajectory, balance: ForceBalance) -> Iterator[F
     friction = (fast, way, np.ones_like(way), fast * way, fast**3, way * np.sqrt(np.abs(fast)))
     columns = np.column_stack((balance.force, *friction, _powers_of(balance.position)))[moving]
     force, answer = balance.force[moving], balance.acceleration[moving]
-    middle = answer.size // 2
+    straight = least_squares_residual(columns, answer)
+    if np.std(straight) <= _STRAIGHT * np.std(answer):
+        return
 
-    def left_by(knee: float, rows: slice) -> float:
+    def bent(knee: float) -> FloatArray:
+        """The columns, and the force beyond a knee."""
+        return np.column_stack((columns, force - np.clip(force, -knee, knee)))
+
+    def left_by(knee: float, rows: slice, straight: FloatArray) -> float:
         """Part of what no bend leaves, that a bend at this force does."""
-        beyond = (force - np.clip(force, -knee, knee))[rows]
-        bent = np.column_stack((columns[rows], beyond))
-        left = np.sum(least_squares_residual(bent, answer[rows]) ** 2)
-        return float(left / np.sum(least_squares_residual(columns[rows], answer[rows]) ** 2))
+        left = np.sum(least_squares_residual(bent(knee)[rows], answer[rows]) ** 2)
+        return float(left / np.sum(straight**2))
 
-    if np.std(least_squares_residual(columns, answer)) <= _STRAIGHT * np.std(answer):
-        return
     knees = np.quantile(np.abs(force), _KNEES).tolist()
-    share, knee = min((left_by(knee, slice(None)), knee) for knee in knees)
+    share, knee = min((left_by(knee, slice(None), straight), knee) for knee in knees)
     # A device that changes in between has no bend in either half.
-    halves = (slice(None, middle), slice(middle, None))
-    if max(share, *(left_by(knee, rows) for rows in halves)) > _BENT:
+    halves = (slice(None, answer.size // 2), slice(answer.size // 2, None))
+    parts = [(rows, least_squares_residual(columns[rows], answer[rows])) for rows in halves]
+    if max(share, *(left_by(knee, *part) for part in parts)) > _BENT:
         return
-    weights = solve(np.column_stack((columns, force - np.clip(force, -knee, knee))), answer)
+    weights = solve(bent(knee), answer)
     part = float((weights[0] + weights[-1]) / weights[0])
     where, less = ("above", part) if part < 1 else ("below", 1 / part)
     yield Finding(

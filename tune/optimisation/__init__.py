@@ -55,7 +55,6 @@ from tune.optimisation.describe import (
     SizedCombination,
     combination_margins,
     element_profile,
-    extra_delays,
     notes_of_unmet,
     why_pumped,
     with_fades,
@@ -313,11 +312,7 @@ def design_of(
         for combination in solved.problem.combinations
         if solved.sizes.size and any(combination.members)
     ]
-    kept = MARGINS[scene.margin]
-    found = {
-        one.combination.elements: combination_margins(device, one, late, kept, task.slack)
-        for one, late in zip(felt, extra_delays(felt), strict=True)
-    }
+    found = combination_margins(device, felt, MARGINS[scene.margin], task.slack)
     # Of every combination the elements of which something is left.
     margins = [
         found[part]._replace(elements=each)

@@ -88,7 +88,7 @@ class SizedCombination(NamedTuple):
     sizes: FloatArray
 
 
-def extra_delays(felt: Sequence[SizedCombination]) -> list[float]:
+def _extra_delays(felt: Sequence[SizedCombination]) -> list[float]:
     """Extra samples of delay up to which all gains in (0, 1] are stable at all corners, of each.
 
     Looked for at whole samples and, before the first that fails, at tenths; what lies between is
@@ -150,7 +150,8 @@ class _CombinationMargins(NamedTuple):
     Attributes:
         gain: stable for every gain below it, at the device's own delay.
         late: extra samples of delay that it bears, 10 at most.
-        jitter: how uneven the steps may be, in parts of the sample time.
+        jitter: how uneven the steps may be, in parts of the sample time; no more is looked for than
+            what its elements bear in the combinations before it.
     """
 
     elements: tuple[str, ...]
@@ -160,25 +161,32 @@ class _CombinationMargins(NamedTuple):
 
 
 def combination_margins(
-    device: Device, one: SizedCombination, late: float, kept: Margin, slack: float
-) -> _CombinationMargins:
-    """Margins of one combination that bears so many extra samples of delay.
+    device: Device, felt: Sequence[SizedCombination], kept: Margin, slack: float
+) -> dict[tuple[str, ...], _CombinationMargins]:
+    """Margins of combinations, by their elements.
 
     A part of what is beyond the kept margin, the slack, is not claimed, where a proof came too
     close to the edge, and at the last slack nothing of it.
     """
-    gain = min(worst_gain(one.problem, one.combination, one.sizes, late=False), _MARGIN_CAP)
-    late = min(float(MOST_EXTRA_DELAY), late)
-    if slack:
-        last = slack >= SLACK[-2]
-        less = 0.0 if last else float(np.floor(late * (1 - slack) * 10) / 10)
-        gain = max(0.0 if last else gain * (1 - slack), min(gain, kept.gain))
-        late = max(less, min(late, kept.extra_delay_samples))
-    felt = one.problem.effects(one.combination, one.sizes)
-    K, B, M = (0.0 if value is None else float(value) for value in felt.arrays())
-    places = corners_of(device, one.problem.region.box)
-    jitter = min(MOST_JITTER, jitter_margin(places, one.problem.filters, (K, B, M)))
-    return _CombinationMargins(one.combination.elements, gain, late, jitter)
+    found: dict[tuple[str, ...], _CombinationMargins] = {}
+    jitters: dict[str, float] = {}
+    for one, most in zip(felt, _extra_delays(felt), strict=True):
+        problem, elements = one.problem, one.combination.elements
+        gain = min(worst_gain(problem, one.combination, one.sizes, late=False), _MARGIN_CAP)
+        late = min(float(MOST_EXTRA_DELAY), most)
+        if slack:
+            last = slack >= SLACK[-2]
+            less = 0.0 if last else float(np.floor(late * (1 - slack) * 10) / 10)
+            gain = max(0.0 if last else gain * (1 - slack), min(gain, kept.gain))
+            late = max(less, min(late, kept.extra_delay_samples))
+        effects = problem.effects(one.combination, one.sizes)
+        K, B, M = (0.0 if value is None else float(value) for value in effects.arrays())
+        places = corners_of(device, problem.region.box)
+        borne = max(jitters.get(name, MOST_JITTER) for name in elements)
+        jitter = jitter_margin(places, problem.filters, (K, B, M), borne)
+        jitters |= {name: min(jitter, jitters.get(name, jitter)) for name in elements}
+        found[elements] = _CombinationMargins(elements, gain, late, jitter)
+    return found
 
 
 def element_profile(

@@ -309,21 +309,24 @@ _SWEEPS, _NONE = 6, 1e-9
 
 @lru_cache(maxsize=4096)
 def jitter_margin(
-    places: tuple[Corner, ...], filters: Filters, values: tuple[float, float, float]
+    places: tuple[Corner, ...],
+    filters: Filters,
+    values: tuple[float, float, float],
+    most: float = MOST_JITTER,
 ) -> float:
-    """Largest j up to `MOST_JITTER` such that steps anywhere in T(1 ± j) leave every loop stable.
+    """Largest j up to ``most`` such that steps anywhere in T(1 ± j) leave every loop stable.
 
     It is sufficient, not necessary, and says nothing of devices between the places. The law is the
     one made for even steps, its values K, B and M, 0 for none; its delay is counted in steps. 0
     where a loop is not stable at even steps.
     """
-    far = {place: _growth(place, filters, values, MOST_JITTER) for place in places}
-    found = MOST_JITTER
+    far = {place: _growth(place, filters, values, most) for place in places}
+    found = most
     # The worst first: the others are then looked at no further.
     for place in sorted(far, key=far.__getitem__, reverse=True):
         if far[place] < 0:
             break
-        whole = found == MOST_JITTER
+        whole = found == most
         above = far[place] if whole else _growth(place, filters, values, found)
         if above >= 0:
             found = _margin_at(place, filters, values, found, above)

@@ -106,7 +106,7 @@ class Solution:
         absolute: gains of the combinations that must be absolutely stable.
         stepped_back: unknowns that are smaller for it.
         clash: a wall and an element that are not proved together; None if all are.
-        alone: about what stiffness each wall has where nothing is met beside it, by label.
+        alone: about what stiffness springs have where nothing is met beside them, by label.
     """
 
     problem: Problem

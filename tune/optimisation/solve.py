@@ -110,8 +110,6 @@ def solve(
             others = (label.rpartition(".")[0] for label in reversed(beside))
             pairs = (_pair(task, elements, (*elements, other)) for other in others)
             free = replace(free, clash=next((pair for pair in pairs if pair is not None), None))
-    if beside and walls and free.clash is None and second_opinion:
-        free = replace(free, alone=_springs_alone(task, elements, filters, known | cut))
     if free.clash is not None or cut == walls or not (free.stepped_back or free.dropped):
         return free
     usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
@@ -182,13 +180,15 @@ def _solved(
         if other is not None and other.sizes is not None and also == dropped:
             sizes = round_sizes(less, other.sizes)
     found: AllFound = {}
+    alone: dict[str, float] = {}
     if second_opinion and any(combination.absolute for combination in problem.combinations):
         from tune.optimisation.saturation import MOST_LOST, soften, step_back, steps_lost
 
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
         short = gain < problem.proved_gain
-        alone = _springs_alone(task, elements, filters, cut) if settled else {}
+        if settled:
+            alone = _springs_alone(task, elements, filters, cut)
         if short or steps_lost(problem, sizes, alone) > MOST_LOST:
             soft = soften(problem, linear, alone, tuned, dropped)
             clash = _pair(task, elements, tightest) if soft is None else None
@@ -213,6 +213,7 @@ def _solved(
         disagreement=optimum.disagreements,
         unrounded=optimum.sizes,
         absolute=found,
+        alone=alone,
         stepped_back=frozenset(np.flatnonzero(sizes < linear).tolist()),
     )
 

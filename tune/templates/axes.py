@@ -16,9 +16,10 @@ import copy
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from haptune_law import _WRAP, PROFILE, Element, Law, Status, _usable
+from haptune_law import PROFILE, Element, Elements, Status, _usable
 
 if PROFILE != "${digest}":
     raise ImportError(f"haptune_law.py is of another profile, {PROFILE}: export both again")
@@ -48,25 +49,20 @@ class Face:
     clear: int = 0
 
 
-class LawOfAxes:
+class LawOfAxes(Elements):
     """The force of a profile's elements on all axes; status and counts are those of a Law."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         """Take the parameters as a Law does."""
-        self.names = tuple(parameters["axes"])
-        self.one = Law(parameters)
-        self.sample_time, self.extra_delay = self.one.sample_time, self.one.extra_delay
-        self.axes = [copy.deepcopy(self.one.axis) for _ in self.names]
+        super().__init__(parameters, axes=len(parameters["axes"]))
         self.faces: dict[str, Face] = {}
         self.stop()
         self.status = Status.OK
-        self.missed = self.glitches = self.waiting = 0
-        self.clamped = False
 
     def enter(self, elements: Collection[str]) -> Status:
         """Before elements that are no walls give their first force."""
-        known = self.one.elements.keys() - self.one.walls
-        chosen = [self.one.elements[name] for name in elements if name in known]
+        known = self.elements.keys() - self.walls
+        chosen = [self.elements[name] for name in elements if name in known]
         self.status = Status.OK
         if len(chosen) < len(elements):
             self.status = Status.NOT_TOGETHER
@@ -86,7 +82,7 @@ class LawOfAxes:
         """
         before = self.faces.get(face)
         self.status = Status.OK
-        if wall not in self.one.walls or len(normal) != len(self.names):
+        if wall not in self.walls or len(normal) != len(self.axes):
             self.status = Status.NOT_TOGETHER
         elif before is not None and before.pushing:
             self.status = Status.PUSHING
@@ -116,60 +112,53 @@ class LawOfAxes:
         gain: float = 1.0,
     ) -> list[float]:
         """Force, N (N*m), of each axis; every period, as Law.force, with faces near or far."""
-        steps = (period - self.axes[0].period) % _WRAP if self.axes[0].started else 1
-        self.clamped, self.status = False, self._read(steps, period, position)
+        steps = self._read(period, position)
         if self.status is Status.LATE:
             return self.stop()
         if self.status is not Status.OK:
             return list(self.last_force)
-        wanted, planes = set(elements), set(faces)
-        fault = self._fault(wanted, planes, gain)
-        if fault is not Status.OK:
-            return self._none(fault)
-        others = self.one.elements.keys() - self.one.walls
-        acting = {name for name in others if self.one.elements[name].level > 0.0}
-        fading = {name for name in acting if self.one.elements[name].fade < 1.0}
-        if fading - wanted and self._fitting(wanted | fading, planes) is not Status.OK:
-            wanted &= acting
-            if self._fitting(wanted | fading, planes) is not Status.OK:
-                return self._none(Status.NOT_TOGETHER)
-            self.status = Status.WAITING
+        planes = set(faces)
+        if not planes <= self.faces.keys():
+            return self._no_force(Status.NOT_ENTERED)
+        wanted = self._allowed(elements, gain, partial(self._fitting, planes=planes))
+        if self.status not in (Status.OK, Status.WAITING):
+            return self._no_force(self.status)
         self._act(wanted, planes, gain, steps)
         total = [math.fsum(sums) for sums in zip(*self.forces.values(), strict=True)]
         if not all(map(_usable, total)):
-            return self._none(Status.NOT_FINITE)
-        over = math.sqrt(_product(total, total)) > self.one.peak
-        self.clamped = over or any(each.at_limit for each in self.one.elements.values())
-        self.last_force, _ = _shortened(total, self.one.peak)
+            return self._no_force(Status.NOT_FINITE)
+        over = math.sqrt(_product(total, total)) > self.peak
+        self.clamped = over or any(each.at_limit for each in self.elements.values())
+        self.last_force, _ = _shortened(total, self.peak)
         return list(self.last_force)
 
     def stop(self) -> list[float]:
         """No force; every contact and face ends, as nothing came for too long."""
         self.faces.clear()
-        for each in self.one.elements.values():
+        for each in self.elements.values():
             each.end()
-        self.rests = {name: [0.0] * len(self.names) for name in self.one.elements}
-        return self._none(Status.LATE)
+        self.rests = {name: [0.0] * len(self.axes) for name in self.elements}
+        return self._no_force(Status.LATE)
 
-    def _act(self, wanted: set[str], planes: set[str], gain: float, steps: int) -> None:
+    def _act(self, wanted: Collection[str], planes: set[str], gain: float, steps: int) -> None:
         """All go on by a reading: walls, what else is switched, and then what fades."""
         pushing = False
         order = sorted(
-            self.one.elements.items(),
-            key=lambda pair: (pair[0] not in self.one.walls, pair[1].fade < 1.0),
+            self.elements.items(),
+            key=lambda pair: (pair[0] not in self.walls, pair[1].fade < 1.0),
         )
         for name, each in order:
             own = {face for face in planes if gain > 0.0 and self.faces[face].wall == name}
             asked = gain if own or name in wanted else 0.0
             self._act_on(name, each, own, asked, 0.0 if pushing else each.fade * steps)
-            pushing = pushing or (name in self.one.walls and each.force != 0.0)
+            pushing = pushing or (name in self.walls and each.force != 0.0)
 
     def _act_on(
         self, name: str, each: Element, faces: set[str], asked: float, change: float
     ) -> None:
         """One element that is the same in every direction, or a wall at a set of its faces."""
         enters = asked > 0.0 and not each.wanted and each.level == 0.0
-        wall = name in self.one.walls
+        wall = name in self.walls
         if enters and each.spring:
             self.rests[name] = [0.0 if wall else axis.last for axis in self.axes]
             each.quiet = 0
@@ -182,8 +171,8 @@ class LawOfAxes:
             free = self._left_free(name, each.stiffness, faces, u)
             u = [part - there for part, there in zip(u, free, strict=True)]
         u, length = _shortened(u, each.force_level if each.spring else math.inf)
-        each.quiet = min(each.quiet + 1, self.one.taps) if length == 0.0 else 0
-        each.turn(may_rise=enters or each.quiet >= self.one.taps, asked=asked, change=change)
+        each.quiet = min(each.quiet + 1, self.taps) if length == 0.0 else 0
+        each.turn(may_rise=enters or each.quiet >= self.taps, asked=asked, change=change)
         each.force = each.level * length
         self.forces[name] = [-(each.level * part) if each.level > 0.0 else 0.0 for part in u]
 
@@ -214,48 +203,14 @@ class LawOfAxes:
         for face in chosen:
             there, limit = _product(face.normal, free), stiffness * face.rest
             clear = there >= stiffness * face.offset
-            face.clear = min(face.clear + 1, self.one.taps) if clear else 0
-            face.rest = face.offset if face.clear >= self.one.taps else face.rest
+            face.clear = min(face.clear + 1, self.taps) if clear else 0
+            face.rest = face.offset if face.clear >= self.taps else face.rest
             face.pushing = free != u and there - limit <= _SMALL * (size + abs(limit))
         return free
 
-    def _read(self, steps: int, period: int, position: Sequence[float]) -> Status:
-        """Use the readings of all axes; where it is not OK, none was used for any force."""
-        axes, fault = self.axes, Status.OK
-        started = axes[0].started
-        gap = started and steps - 1 > self.one.extra_delay
-        if len(position) != len(axes) or not all(map(_usable, position)):
-            fault = Status.NOT_FINITE
-        elif started and steps == 0:
-            fault = Status.STALE
-        elif started and not gap:
-            pairs = zip(axes, position, strict=True)
-            if not all(axis.plausible(steps, place) for axis, place in pairs):
-                fault = Status.GLITCH
-                self.glitches += 1
-        if fault is not Status.OK:
-            self.waiting += 1
-            late = self.waiting > self.one.extra_delay or steps > self.one.extra_delay
-            return Status.LATE if started and late else fault
-        for axis, place in zip(axes, position, strict=True):
-            if started and not gap:
-                axis.bridge(steps, place)
-            else:
-                slope = (place - axis.last) / (self.one.sample_time * steps) if gap else 0.0
-                axis.start(period % _WRAP, place, slope)
-        self.missed += 0 if gap else steps - 1
-        self.waiting = 0
-        return Status.LATE if gap else Status.OK
-
-    def _fault(self, wanted: set[str], planes: set[str], gain: float) -> Status:
-        entered = all(each.entered for name, each in self.one.elements.items() if name in wanted)
-        if not entered or not planes <= self.faces.keys():
-            return Status.NOT_ENTERED
-        return self._fitting(wanted, planes) if 0.0 <= gain <= 1.0 else Status.BAD_GAIN
-
     def _fitting(self, elements: Collection[str], planes: Collection[str]) -> Status:
         """Whether faces and elements may act at once: walls along one line, each with some room."""
-        if not self.one.certified(elements):
+        if not self.certified(elements):
             return Status.NOT_TOGETHER
         chosen = [face for name, face in self.faces.items() if name in planes]
         for here in chosen:
@@ -270,27 +225,26 @@ class LawOfAxes:
                     return Status.NOT_TOGETHER
                 elif self._crowds(here, there):
                     return Status.TOO_NARROW
-            if not self.one.certified(ahead):
+            if not self.certified(ahead):
                 return Status.NOT_TOGETHER
             own = [face for face in chosen if face.wall == here.wall]
-            nowhere = [0.0] * len(self.names)
+            nowhere = [0.0] * len(self.axes)
             if own[0] is here and not _project(own, [each.offset for each in own], nowhere):
                 return Status.TOO_NARROW
         return Status.OK
 
     def _crowds(self, here: Face, there: Face) -> bool:
         """Whether faces of two walls that push towards each other leave too little room."""
-        other = copy.copy(self.one.elements[there.wall])
+        other = copy.copy(self.elements[there.wall])
         other.side, other.face = -1, -there.offset
-        return self.one.elements[here.wall].crowds(here.offset, 1, other)
+        return self.elements[here.wall].crowds(here.offset, 1, other)
 
-    def _none(self, reason: Status) -> list[float]:
-        for each in self.one.elements.values():
-            each.wanted, each.level, each.force = False, 0.0, 0.0
+    def _no_force(self, reason: Status) -> list[float]:
+        self._end(reason)
         for face in self.faces.values():
             face.acting = face.pushing = False
-        self.forces = {name: [0.0] * len(self.names) for name in self.one.elements}
-        self.status, self.last_force = reason, [0.0] * len(self.names)
+        self.forces = {name: [0.0] * len(self.axes) for name in self.elements}
+        self.last_force = [0.0] * len(self.axes)
         return list(self.last_force)
 
 

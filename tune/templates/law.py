@@ -12,7 +12,7 @@ program that is copied to a controller as it is.
 from __future__ import annotations
 
 import enum
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -221,14 +221,14 @@ class Axis:
         self.last, self.slope = position, slope
 
 
-class Law:
-    """The force of a profile's elements on one axis.
+class Elements:
+    """Elements of a profile and readings of axes, as laws of one axis and of several have them.
 
     After each call ``status`` says what it came to, ``clamped`` whether the force was cut;
     ``missed`` counts periods bridged, ``glitches`` readings that could not be and were not used.
     """
 
-    def __init__(self, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, parameters: Mapping[str, Any], axes: int = 1) -> None:
         """Take the parameters by their full names, such as "elements.wall.stiffness".
 
         Raises ValueError for those of another profile.
@@ -247,15 +247,106 @@ class Law:
         self.groups = tuple(_sets(parameters, "together", "group_names"))
         self.apart = tuple(_sets(parameters, "apart", "pair_names"))
         self.taps = int(parameters["taps"])
-        self.axis = Axis(
-            sample_time=self.sample_time,
-            window=int(parameters.get("velocity.samples", 1)),
-            velocity=_filter(parameters, "velocity"),
-            acceleration=_filter(parameters, "acceleration"),
-            largest_change=float(parameters["largest_change"]),
-        )
-        self.status, self.clamped, self.last_force = Status.OK, False, 0.0
+        self.axes = [
+            Axis(
+                sample_time=self.sample_time,
+                window=int(parameters.get("velocity.samples", 1)),
+                velocity=_filter(parameters, "velocity"),
+                acceleration=_filter(parameters, "acceleration"),
+                largest_change=float(parameters["largest_change"]),
+            )
+            for _ in range(axes)
+        ]
+        self.status, self.clamped = Status.OK, False
         self.missed = self.glitches = self.waiting = 0
+
+    def certified(self, elements: Collection[str]) -> bool:
+        """Whether a set is certified as a sum, walls of it on one side."""
+        chosen = frozenset(elements)
+        parts = chosen - self.walls, chosen & self.walls
+        return (
+            chosen <= self.elements.keys()
+            and not any(pair <= chosen for pair in self.apart)
+            and all(len(part) <= 1 or any(part <= group for group in self.groups) for part in parts)
+        )
+
+    def _read(self, period: int, position: Sequence[float]) -> int:
+        """Use a reading of each axis, or none of them for any force where it is not OK.
+
+        Gives the periods since the last one that was used.
+        """
+        axes, started = self.axes, self.axes[0].started
+        steps = (period - axes[0].period) % _WRAP if started else 1
+        gap = started and steps - 1 > self.extra_delay
+        self.clamped, self.status = False, Status.OK
+        if len(position) != len(axes) or not all(map(_usable, position)):
+            self.status = Status.NOT_FINITE
+        elif started and steps == 0:
+            self.status = Status.STALE
+        elif started and not gap:
+            pairs = zip(axes, position, strict=True)
+            if not all(axis.plausible(steps, place) for axis, place in pairs):
+                self.status = Status.GLITCH
+                self.glitches += 1
+        if self.status is not Status.OK:
+            self.waiting += 1
+            if started and (self.waiting > self.extra_delay or steps > self.extra_delay):
+                self.status = Status.LATE
+            return steps
+        for axis, place in zip(axes, position, strict=True):
+            if started and not gap:
+                axis.bridge(steps, place)
+            else:
+                slope = (place - axis.last) / (self.sample_time * steps) if gap else 0.0
+                axis.start(period % _WRAP, place, slope)
+        self.missed += 0 if gap else steps - 1
+        self.waiting = 0
+        self.status = Status.LATE if gap else Status.OK
+        return steps
+
+    def _allowed(
+        self,
+        elements: Collection[str],
+        gain: float,
+        together: Callable[[Collection[str]], Status],
+    ) -> Collection[str]:
+        """Those that may act now with what still fades out; none where status is why."""
+        wanted = frozenset(elements)
+        acting = {name for name, each in self.elements.items() if each.level > 0.0}
+        fading = {name for name in acting if self.elements[name].fade < 1.0}
+        if not all(each.entered for name, each in self.elements.items() if name in wanted):
+            self.status = Status.NOT_ENTERED
+        else:
+            self.status = together(wanted) if 0.0 <= gain <= 1.0 else Status.BAD_GAIN
+        if self.status is Status.OK and together(wanted | fading) is not Status.OK:
+            wanted &= acting | self.walls
+            waits = together(wanted | fading) is Status.OK
+            self.status = Status.WAITING if waits else Status.NOT_TOGETHER
+        return wanted
+
+    def _end(self, reason: Status) -> None:
+        """No element gives force."""
+        for each in self.elements.values():
+            each.wanted, each.level, each.force = False, 0.0, 0.0
+        self.status = reason
+
+    def _element(self, parameters: Mapping[str, Any], place: str) -> Element:
+        fade_time = float(parameters[f"{place}.fade_time"])
+        return Element(
+            stiffness=float(parameters[f"{place}.stiffness"]),
+            damping=float(parameters[f"{place}.damping"]),
+            mass=float(parameters[f"{place}.mass"]),
+            force_level=float(parameters[f"{place}.force_level"]),
+            speed=float(parameters[f"{place}.speed"]),
+            one_sided=bool(parameters[f"{place}.one_sided"]),
+            fade=min(1.0, self.sample_time / fade_time) if fade_time else 1.0,
+        )
+
+
+class Law(Elements):
+    """The force of a profile's elements on one axis."""
+
+    last_force = 0.0
 
     def reset(self, elements: Collection[str], rest: float, side: int = 0) -> Status:
         """Before elements give their first force, and when walls are to stand elsewhere.
@@ -309,30 +400,21 @@ class Law:
             gain: 0 to 1. It falls at once; that of a spring rises when it is entered, and otherwise
                 after as many samples without force as there are taps.
         """
-        steps = (period - self.axis.period) % _WRAP if self.axis.started else 1
-        self.clamped, self.status = False, self._read(steps, period, position)
+        steps = self._read(period, [position])
         if self.status is Status.LATE:
             return self.stop()
         if self.status is not Status.OK:
             return self.last_force
-        wanted = frozenset(elements)
-        fault = self._fault(wanted, gain)
-        if fault is not Status.OK:
-            return self._no_force(fault)
-        acting = {name for name, each in self.elements.items() if each.level > 0.0}
-        fading = {name for name in acting if self.elements[name].fade < 1.0}
-        if self._together(wanted | fading) is not Status.OK:
-            wanted &= acting | self.walls
-            if self._together(wanted | fading) is not Status.OK:
-                return self._no_force(Status.NOT_TOGETHER)
-            self.status = Status.WAITING
+        wanted = self._allowed(elements, gain, self._together)
+        if self.status not in (Status.OK, Status.WAITING):
+            return self._no_force(self.status)
         slow = sorted(self.elements, key=lambda name: self.elements[name].fade < 1.0)
         for name in slow:  # after every wall
             each = self.elements[name]
             pushing = any(self.elements[wall].force != 0.0 for wall in self.walls)
             change = 0.0 if pushing else each.fade * steps
             asked = gain if name in wanted else 0.0
-            each.act(self.axis, asked=asked, change=change, taps=self.taps)
+            each.act(self.axes[0], asked=asked, change=change, taps=self.taps)
         total = 0.0
         for each in self.elements.values():
             total += each.force
@@ -349,38 +431,6 @@ class Law:
             each.end()
         return self._no_force(Status.LATE)
 
-    def _read(self, steps: int, period: int, position: float) -> Status:
-        """Use a reading; where it is not OK, the reading was not used for any force."""
-        axis, fault = self.axis, Status.OK
-        if not _usable(position):
-            fault = Status.NOT_FINITE
-        elif not axis.started:
-            axis.start(period % _WRAP, position, 0.0)
-        elif steps == 0:
-            fault = Status.STALE
-        elif steps - 1 > self.extra_delay:
-            slope = (position - axis.last) / (self.sample_time * steps)
-            axis.start(period % _WRAP, position, slope)
-            self.waiting = 0
-            return Status.LATE
-        elif not axis.plausible(steps, position):
-            fault = Status.GLITCH
-            self.glitches += 1
-        else:
-            axis.bridge(steps, position)
-            self.missed += steps - 1
-        if fault is Status.OK:
-            self.waiting = 0
-            return fault
-        self.waiting += 1
-        late = self.waiting > self.extra_delay or steps > self.extra_delay
-        return Status.LATE if axis.started and late else fault
-
-    def _fault(self, wanted: frozenset[str], gain: float) -> Status:
-        if not all(each.entered for name, each in self.elements.items() if name in wanted):
-            return Status.NOT_ENTERED
-        return self._together(wanted) if 0.0 <= gain <= 1.0 else Status.BAD_GAIN
-
     def _together(self, elements: Collection[str]) -> Status:
         """Whether elements may act at once: with walls of either side alone, if there is room."""
         sides = {name: self.elements[name].side for name in self.walls.intersection(elements)}
@@ -391,33 +441,10 @@ class Law:
         narrow = any(one.side > 0 and one.crowds(one.face, 1, other) for one, other in pairs)
         return Status.TOO_NARROW if narrow else Status.OK
 
-    def certified(self, elements: Collection[str]) -> bool:
-        """Whether a set is certified as a sum, walls of it on one side."""
-        chosen = frozenset(elements)
-        parts = chosen - self.walls, chosen & self.walls
-        return (
-            chosen <= self.elements.keys()
-            and not any(pair <= chosen for pair in self.apart)
-            and all(len(part) <= 1 or any(part <= group for group in self.groups) for part in parts)
-        )
-
     def _no_force(self, reason: Status) -> float:
-        for each in self.elements.values():
-            each.wanted, each.level, each.force = False, 0.0, 0.0
-        self.status, self.last_force = reason, 0.0
+        self._end(reason)
+        self.last_force = 0.0
         return 0.0
-
-    def _element(self, parameters: Mapping[str, Any], place: str) -> Element:
-        fade_time = float(parameters[f"{place}.fade_time"])
-        return Element(
-            stiffness=float(parameters[f"{place}.stiffness"]),
-            damping=float(parameters[f"{place}.damping"]),
-            mass=float(parameters[f"{place}.mass"]),
-            force_level=float(parameters[f"{place}.force_level"]),
-            speed=float(parameters[f"{place}.speed"]),
-            one_sided=bool(parameters[f"{place}.one_sided"]),
-            fade=min(1.0, self.sample_time / fade_time) if fade_time else 1.0,
-        )
 
 
 def _usable(number: float) -> bool:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from tune.cli import fleet, judging, logs, opening, preparation, profiles
+from tune.cli import fleet, judging, logs, preparation, profiles
 from tune.cli.process import ignore_signals
 from tune.cli.session import Session, finish_interrupted
 from tune.documents import Exit
@@ -90,7 +90,7 @@ for _name, _command, _summary in (
     ("compare", judging.compare_command, "What changed between two devices or two profiles."),
     ("export", profiles.export_command, "A profile as files for a controller."),
     ("report", profiles.report_command, "A profile as one page to read, print and sign."),
-    ("open", opening.open_command, "A page on a folder of yours: see it move."),
+    ("open", preparation.open_command, "A page on a folder of yours: see it move."),
     ("excite", preparation.excite_command, "Plan a force that tells mass and damping best."),
     ("simulate", preparation.simulate_command, "Rehearse: a simulated log of a known device."),
     ("help", help_command, "The help of a command, or this."),

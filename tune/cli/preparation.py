@@ -1,4 +1,4 @@
-"""What needs no device: ``haptune new``, ``excite``, ``simulate``, and the rehearsal of profiles.
+"""What needs no device: ``haptune new``, ``excite``, ``simulate``, ``open``; rehearsing profiles.
 
 Templates, a force to play and a simulated log come before a log is taken; none of it drives
 hardware. Before a profile is written it is played on a simulated device; what does not settle is
@@ -419,6 +419,35 @@ def simulate_command(
     }
     session.say(scenario.description)
     session.write(output, log_text(trajectory))
+
+
+@command()
+def open_command(
+    session: Session,
+    folder: Annotated[Path, Argument(help="Its files are shown; default: this one.")] = Path(),
+    port: Annotated[int, Option(min=0, max=65535, help="0 takes any that is free.")] = 0,
+    no_browser: Annotated[bool, Option("--no-browser", help="Only print the address.")] = False,
+) -> None:
+    """Serve a page on this machine alone, until Ctrl-C or the last closed tab."""
+    import webbrowser
+
+    if not folder.is_dir():
+        raise UsageError("FOLDER", f"there is no folder {folder}", "Give one that exists")
+    try:
+        from tune.page.server import serve
+    except ImportError as error:
+        missing = f"needs {error.name}, which is not installed"
+        raise UsageError("haptune open", missing, "pip install 'haptune[page]'") from None
+
+    def tell(address: str) -> None:
+        session.tell(f"{folder.resolve()}: {address}\nCtrl-C or the last closed tab ends it.")
+        if not no_browser:
+            webbrowser.open(address)
+
+    try:
+        serve(folder, port, tell)
+    except OSError as error:
+        raise UsageError("--port", f"{port}: {error.strerror}", "Give another, or 0") from None
 
 
 #: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a

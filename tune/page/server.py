@@ -185,9 +185,9 @@ class Page:
 
     async def show(self, request: Request) -> Response:
         """What there is to be seen of a log, a document, or gains that were moved."""
-        model, view = views.VIEWS[request.path_params["view"]]
-        asked = model.model_validate(await request.json())
-        return JSONResponse(await asyncio.to_thread(view, asked, self.path))
+        view = views.VIEWS[request.path_params["view"]]
+        asked = await request.json()
+        return JSONResponse(await asyncio.to_thread(view, self.path, **asked))
 
     async def run(self, request: Request) -> Response:
         """Run a command in the folder; every tab is told its stages, who asked its result."""

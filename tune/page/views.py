@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
+from pydantic import validate_call
 
 import identification as ident
 from identification import Device, IdentificationError, LogColumns, QuestionError
@@ -17,9 +17,8 @@ from tune.documents.profile import load_profile
 from tune.documents.scene import MARGINS, UNITS, Effects, MarginName
 from tune.judging import audit
 from tune.loop.loop import Filters, filters_of
-from tune.loop.state_space import corners_of
+from tune.loop.state_space import Corner, SampledLoop, corners_of
 from tune.optimisation.region import remembered
-from tune.page.response import step_response
 from tune.presentation.limits import Boundaries
 from tune.presentation.page import plain_table
 from tune.presentation.tables import audit_table, device_table, effects_table, verdict_on
@@ -27,6 +26,8 @@ from tune.rendering import BEYOND, SLOWEST, felt_over_frequency
 
 FloatArray = NDArray[np.float64]
 _Answer = TypeVar("_Answer")
+#: The path of a name within the folder; any other is refused.
+Inside: TypeAlias = Callable[[str], Path]
 
 #: Parts of a curve, of each of which the least and the largest value are drawn.
 _PARTS = 1200
@@ -38,44 +39,16 @@ _PLACES, _MOVING, _FELT = 160, 24, 61
 _STEP, _WITHOUT_LIMIT, _SPAN = 0.1, 1.0, 0.5
 
 
-class _Asked(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+@validate_call
+def log_view(inside: Inside, file: str, columns: dict[str, Any] | None = None) -> dict[str, object]:
+    """Names of the columns of a log, and those chosen as curves; or why there are none.
 
-
-class File(_Asked):
-    """A document, or a log with how its columns are read, as `LogColumns`."""
-
-    file: str
-    columns: dict[str, Any] = {}
-
-
-class Moved(_Asked):
-    """Where the sliders of an element stand, named and in units as options of ``audit``.
-
-    Filters are cut-offs, those of the profile where they are None; ``ends`` are the dampings
-    between which the region was drawn.
+    ``columns`` are as those of `LogColumns`.
     """
-
-    device: str
-    profile: str
-    element: str
-    stiffness: float = 0.0
-    damping: float = 0.0
-    mass: float = 0.0
-    velocity_filter: float | None = None
-    acceleration_filter: float | None = None
-    margin: MarginName = "balanced"
-    extra_delay_samples: float = 0.0
-    ends: tuple[float, float] | None = None
-    proved: bool = False
-
-
-def log_view(asked: File, inside: Callable[[str], Path]) -> dict[str, object]:
-    """Names of the columns of a log, and those chosen as curves; or why there are none."""
-    path = inside(asked.file)
+    path = inside(file)
     told: dict[str, object] = {"names": _read(_names, path), "curves": {}}
     try:
-        log = _read(ident.load_trajectory, path, LogColumns(**asked.columns))
+        log = _read(ident.load_trajectory, path, LogColumns(**columns or {}))
     except IdentificationError as error:
         return told | {"reading": str(error)}
     curves = {name: thinned(log.time, column) for name, column in log.columns() if name != "time"}
@@ -120,9 +93,10 @@ def thinned(time: FloatArray, column: FloatArray, parts: int = _PARTS) -> list[l
     return [time[kept].tolist(), column[kept].tolist()]
 
 
-def document_view(asked: File, inside: Callable[[str], Path]) -> dict[str, object]:
+@validate_call
+def document_view(inside: Inside, file: str) -> dict[str, object]:
     """A YAML document as text and content, with what is to be seen of a device or a profile."""
-    path = inside(asked.file)
+    path = inside(file)
     content = ident.load_mapping(path)
     told: dict[str, object] = {"content": content, "text": path.read_text(encoding="utf-8")}
     kind = str(content.get("schema", "")).split("/")
@@ -136,50 +110,62 @@ def document_view(asked: File, inside: Callable[[str], Path]) -> dict[str, objec
     return told
 
 
-def moved_view(asked: Moved, inside: Callable[[str], Path]) -> dict[str, object]:
-    """What ``haptune audit`` tells of the gains; region, step and what is felt beside it.
+@validate_call
+def moved_view(
+    inside: Inside,
+    *,
+    device: str,
+    profile: str,
+    element: str,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    mass: float = 0.0,
+    velocity_filter: float | None = None,
+    acceleration_filter: float | None = None,
+    margin: MarginName = "balanced",
+    extra_delay_samples: float = 0.0,
+    ends: tuple[float, float] | None = None,
+    proved: bool = False,
+) -> dict[str, object]:
+    """What ``haptune audit`` tells where the sliders of an element stand; what is seen beside it.
 
-    Only what was asked to be proved can be; whatever moves is called not proved.
+    Filters are cut-offs, those of the profile where they are None; ``ends`` are the dampings
+    between which the region was drawn. Only what was asked to be proved can be.
     """
-    device = _read(ident.load_device, inside(asked.device))
-    safe = _read(load_profile, inside(asked.profile))
-    hertz = {
-        "velocity_filter_hz": asked.velocity_filter,
-        "acceleration_filter_hz": asked.acceleration_filter,
-    }
+    safe = _read(load_profile, inside(profile))
+    hertz = {"velocity_filter_hz": velocity_filter, "acceleration_filter_hz": acceleration_filter}
     given = {name: value for name, value in hertz.items() if value is not None}
     filters = replace(filters_of(safe.loop), **given)
-    gains = {name: getattr(asked, name) for name in ("stiffness", "damping", "mass")}
-    effects = Effects(**gains)
     found = audit(
-        device,
-        effects,
+        _read(ident.load_device, inside(device)),
+        Effects(stiffness=stiffness, damping=damping, mass=mass),
         filters=filters,
-        margin=asked.margin,
-        extra_delay_samples=asked.extra_delay_samples,
-        like=(safe, asked.element),
-        proved=asked.proved,
+        margin=margin,
+        extra_delay_samples=extra_delay_samples,
+        like=(safe, element),
+        proved=proved,
     )
-    later, B, ends = found.design.device, asked.damping, asked.ends
-    if ends is None or not ends[0] <= B <= ends[1]:
-        boundaries = _boundaries(later, filters, asked.margin)
-        ends = boundaries.ends((min(B, 0.0), max(B, 0.0)), asked.mass)
-    places = _PLACES if asked.proved else _MOVING
+    later = found.design.device
+    if ends is None or not ends[0] <= damping <= ends[1]:
+        seen = min(damping, 0.0), max(damping, 0.0)
+        ends = _boundaries(later, filters, margin).ends(seen, mass)
     limit = later.force_limit
     force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
-    time = np.arange(0.0, _SPAN, later.sample_time.value)
-    corners = corners_of(later, later.simultaneous_box())
-    sizes = (asked.stiffness, asked.damping, asked.mass)
-    motions = [step_response(each, filters, sizes, force, time.size) for each in corners]
-    frequency = np.geomspace(SLOWEST, BEYOND, _FELT)
-    felt = felt_over_frequency(later, filters, frequency, **gains)
+    samples = np.arange(0.0, _SPAN, later.sample_time.value)
+    gains, frequency = (stiffness, damping, mass), np.geomspace(SLOWEST, BEYOND, _FELT)
+    felt = felt_over_frequency(
+        later, filters, frequency, stiffness=stiffness, damping=damping, mass=mass
+    )
     return {
         "table": plain_table(audit_table(found)),
         "faults": [f"{each.limit}: {each.seen}; needed: {each.needed}" for each in found.faults],
         "safe": found.safe,
         "ends": ends,
-        "region": _region(later, filters, asked.margin, ends, asked.mass, places),
-        "step": [thinned(time, motion, _PARTS // 8) for motion in motions],
+        "region": _region(later, filters, margin, ends, mass, _PLACES if proved else _MOVING),
+        "step": [
+            thinned(samples, step_response(each, filters, gains, force, samples.size), _PARTS // 8)
+            for each in corners_of(later, later.simultaneous_box())
+        ],
         "force": force,
         "felt": _plain(frequency, *felt),
     }
@@ -208,9 +194,33 @@ def _plain(*columns: FloatArray) -> list[list[float | None]]:
     return [[each if np.isfinite(each) else None for each in c.tolist()] for c in columns]
 
 
+def step_response(
+    place: Corner, filters: Filters, gains: tuple[float, float, float], force: float, samples: int
+) -> FloatArray:
+    """Motion, shape (samples,), m, from rest under a constant force, N, where the encoder reads.
+
+    Gains are K, B and M. Without K it is the speed of the rigid mass, m/s. Limits of force,
+    friction, counts and hands are left out.
+    """
+    loop = SampledLoop.of(place, filters, gains)
+    plant, size = loop.plant, len(loop.plant.drive)
+    drive = np.zeros(size)
+    drive[plant.speed : 2 * plant.speed] = plant.read[: plant.speed] / place.mass
+    # The state with a one below it, so that one matrix advances it and pushes.
+    advance = np.eye(len(loop.read) + 1)
+    advance[:-1, :-1] = loop.pushed
+    advance[:size, -1] = replace(plant, drive=drive).held(place.sample_time)[1] * force
+    states = np.eye(len(advance))[:, -1:]
+    while states.shape[1] < samples:
+        states = np.hstack([states, advance @ states])
+        advance = advance @ advance
+    motion = loop.read @ states[:-1] if gains[0] else states[plant.speed]
+    return np.asarray(np.nan_to_num(motion[:samples]), dtype=np.float64)
+
+
 #: What the page asks for, by the name under which it does.
-VIEWS: dict[str, tuple[type[_Asked], Callable[[Any, Callable[[str], Path]], object]]] = {
-    "log": (File, log_view),
-    "document": (File, document_view),
-    "moved": (Moved, moved_view),
+VIEWS: dict[str, Callable[..., object]] = {
+    "log": log_view,
+    "document": document_view,
+    "moved": moved_view,
 }

@@ -18,15 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import (
-    Device,
-    Fact,
-    Tabular,
-    UsageError,
-    as_stored,
-    parse_document,
-    to_mapping,
-)
+from identification import Device, Fact, Tabular, UsageError, as_stored, parse_document, to_mapping
 from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError
 from tune.documents.changes import Change, Interval, changes_of, exact, stated

@@ -118,8 +118,7 @@ def fleet_command(
     method: opt.MethodOption = "auto",
     margin: opt.MarginOption = None,
     workers: Annotated[
-        int | None,
-        Option(min=1, help="Processes on this machine; default one for each processor."),
+        int | None, Option(min=1, help="Processes on this machine; default one for each processor.")
     ] = None,
     scheduler: Annotated[
         str | None,

@@ -579,8 +579,7 @@ def _verification_table(seen: Verification) -> Table:
     from tune.presentation.tables import headed_table
 
     table = headed_table(
-        f"{seen.source}: {seen.played}",
-        ("check", "verdict", "seen", "predicted", "tolerance"),
+        f"{seen.source}: {seen.played}", ("check", "verdict", "seen", "predicted", "tolerance")
     )
     for column in table.columns[:2]:
         column.no_wrap = True

@@ -15,12 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import identification as ident
-from identification import (
-    InvalidInputError,
-    LogRefusedError,
-    QuestionError,
-    UnstatedError,
-)
+from identification import InvalidInputError, LogRefusedError, QuestionError, UnstatedError
 from tune.cli import session as opt
 from tune.cli.session import Session, command
 

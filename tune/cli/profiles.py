@@ -300,10 +300,7 @@ def _write_profile(
 
 def _choose_candidate(session: Session, device: Device, wish: TuningRequest) -> SafeProfile:
     """The candidate with the scene's margin, or why there is none, after all three were shown."""
-    from tune.optimisation import (
-        candidates,
-        compare_candidates,
-    )
+    from tune.optimisation import candidates, compare_candidates
     from tune.presentation.tables import candidates_lines, candidates_table
 
     with session.progress() as say:

@@ -170,14 +170,7 @@ class Session:
             raise NotWrittenError(output, error.strerror or str(error)) from None
         self.targets.append(str(output))
 
-    def write(
-        self,
-        path: Path,
-        text: str,
-        *,
-        dry_run: bool = False,
-        changes: str = "",
-    ) -> None:
+    def write(self, path: Path, text: str, *, dry_run: bool = False, changes: str = "") -> None:
         """Write a file atomically, keep a backup, show what changed. Raises NotWrittenError.
 
         ``changes`` tell it in words; without them, and where everything is said, lines do.
@@ -185,11 +178,7 @@ class Session:
         self.write_together({path: text}, dry_run=dry_run, changes=changes)
 
     def write_together(
-        self,
-        texts: Mapping[Path, str],
-        *,
-        dry_run: bool = False,
-        changes: str = "",
+        self, texts: Mapping[Path, str], *, dry_run: bool = False, changes: str = ""
     ) -> None:
         """Write files that belong together, as `write` does: all, or none if NotWrittenError."""
         if dry_run:
@@ -403,8 +392,7 @@ class Stage:
 
 
 Logs = Annotated[
-    list[Path],
-    Argument(help="Logs: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP."),
+    list[Path], Argument(help="Logs: CSV or other text, Parquet, MAT, NPZ, Excel or MCAP.")
 ]
 HardwareFile = Annotated[
     Path | None,

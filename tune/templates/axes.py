@@ -144,8 +144,7 @@ class LawOfAxes(Elements):
         """All go on by a reading: walls, what else is switched, and then what fades."""
         pushing = False
         order = sorted(
-            self.elements.items(),
-            key=lambda pair: (pair[0] not in self.walls, pair[1].fade < 1.0),
+            self.elements.items(), key=lambda pair: (pair[0] not in self.walls, pair[1].fade < 1.0)
         )
         for name, each in order:
             own = {face for face in planes if gain > 0.0 and self.faces[face].wall == name}

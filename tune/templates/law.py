@@ -305,10 +305,7 @@ class Elements:
         return steps
 
     def _allowed(
-        self,
-        elements: Collection[str],
-        gain: float,
-        together: Callable[[Collection[str]], Status],
+        self, elements: Collection[str], gain: float, together: Callable[[Collection[str]], Status]
     ) -> Collection[str]:
         """Those that may act now with what still fades out; none where status is why."""
         wanted = frozenset(elements)

@@ -157,8 +157,7 @@ def fleet_command(
     if dry_run:
         session.say_each(f"dry run: {jobs[place].entry.name} would be done" for place in left)
         return
-    with session.progress() as say:
-        say("starting workers")
+    with session.progress("starting workers") as say:
         waiting = [jobs[place] for place in left]
         done = in_parallel(_calibrated, waiting, workers=workers or -1, scheduler=scheduler)
         for number, (turn, (row, text)) in enumerate(done, start=1):
@@ -195,8 +194,7 @@ def _conclude(session: Session, title: str, output: Path, rows: list[dict[str, A
     session.details |= {"unlike": [asdict(each) for each in unlike], "rows": rows}
     stream = BytesIO()
     frame.write_parquet(stream)
-    with session.progress() as say:
-        say("drawing")
+    with session.progress("drawing"):
         page = fleet_html(title, frame, unlike)
     session.store(output / _TABLE, stream.getvalue())
     session.store(output / _PAGE, page.encode())

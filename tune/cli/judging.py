@@ -98,8 +98,7 @@ def audit_command(
         seen = f"{extra_delay_samples:g} leaves less than no delay"
         least = f"Give {-known.delay.low / known.sample_time.value:g} or more"
         raise UsageError("--extra-delay-samples", seen, least)
-    with session.progress() as say:
-        say("judging the gains")
+    with session.progress("judging the gains"):
         found = audit(
             known,
             Effects(**wanted),
@@ -260,8 +259,7 @@ def check_command(
 
     session.target(picture, profile, None if device is None else Path(device))
     known = None if device is None else ident.as_stored(ident.load_device(device))
-    with session.progress() as say:
-        say("re-computing the certificate")
+    with session.progress("re-computing the certificate") as say:
         report = check(profile, known)
         if known is not None:
             refuse_restless(report.profile, say)
@@ -312,8 +310,7 @@ def compare_command(
     session.target(picture, *map(Path, names), output)
     loaded = [_load(name) for name in names]
     first, last = loaded[0], loaded[-1]
-    with session.progress() as say:
-        say(f"comparing {old} with {names[-1]}")
+    with session.progress(f"comparing {old} with {names[-1]}"):
         found = compare(first, last)
     devices = {
         f"{name}{'' if (each := _device_of(item)).date is None else f', {each.date}'}": each
@@ -488,8 +485,7 @@ def verify_command(
     axis = columns.axis or (None if device.axes else device.axis)
     trajectory = ident.load_log(log, columns, motion=device.motion, axis=axis, axes=device.axes)
     tell_reading(session, trajectory)
-    with session.progress() as say:
-        say(f"comparing {log.name} with {profile.name}")
+    with session.progress(f"comparing {log.name} with {profile.name}") as say:
         seen = verify(safe, trajectory, element=element, gain=gain, release=release)
         others = margins_of_others(seen.profile, seen.delay, say)
     session.say(_verification_table(seen))

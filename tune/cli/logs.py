@@ -7,8 +7,8 @@ of a log are shown, never filled in. No answer leaves a fact unstated.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,20 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-    from identification import (
-        Device,
-        Examination,
-        Finding,
-        Hardware,
-        Identification,
-        LogColumns,
-        LogFit,
-        Method,
-        Quantity,
-        Trajectories,
-        Trajectory,
-        Unstated,
-    )
     from tune.documents.results import IdentifyDetails, LogExamined, LogIdentified, ToldQuantity
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
@@ -73,8 +59,8 @@ def identify_command(
 
 
 def read_log(
-    path: Path, columns: LogColumns, hardware: Hardware | None
-) -> Trajectory | Trajectories:
+    path: Path, columns: ident.LogColumns, hardware: ident.Hardware | None
+) -> ident.Trajectory | ident.Trajectories:
     """One log, of the motion and axis, or axes, of its hardware."""
     return ident.load_log(
         path,
@@ -85,7 +71,7 @@ def read_log(
     )
 
 
-def tell_reading(session: Session, *trajectories: Trajectory | Trajectories) -> None:
+def tell_reading(session: Session, *trajectories: ident.Trajectory | ident.Trajectories) -> None:
     """One line a log that is no plain table in SI units: how it was understood."""
     for log in trajectories:
         if log.read_as:
@@ -97,28 +83,28 @@ def tell_reading(session: Session, *trajectories: Trajectory | Trajectories) -> 
 def identify_logs(
     session: Session,
     logs: list[Path],
-    columns: LogColumns,
+    columns: ident.LogColumns,
     hardware: Path | None,
-    method: Method,
+    method: ident.Method,
     allow: list[str],
     *,
     brief: bool = False,
     dry_run: bool = False,
-) -> Identification:
+) -> ident.Identification:
     """Read logs, identify and show the result, in a line if it is only a part of the work.
 
     On a terminal, what the logs leave open is asked for.
     """
     from tune.presentation.tables import device_line, device_table
 
-    def read(columns: LogColumns, known: Hardware | None) -> list[Trajectory | Trajectories]:
-        with session.progress() as say:
-            say("reading logs")
+    def read(
+        columns: ident.LogColumns, known: ident.Hardware | None
+    ) -> list[ident.Trajectory | ident.Trajectories]:
+        with session.progress("reading logs"):
             return [read_log(path, columns, known) for path in logs]
 
-    def identified(known: Hardware | None) -> Identification:
-        with session.progress() as say:
-            say("identifying")
+    def identified(known: ident.Hardware | None) -> ident.Identification:
+        with session.progress("identifying"):
             return ident.identify(trajectories, hardware=known, method=method, allow=allow)
 
     hardware = own_hardware(session, hardware)
@@ -146,7 +132,7 @@ def identify_logs(
     return result
 
 
-def identification_details(found: Identification) -> IdentifyDetails:
+def identification_details(found: ident.Identification) -> IdentifyDetails:
     """The device as its file will hold it, and how each log was identified."""
     from tune.presentation.tables import half_widths
 
@@ -158,7 +144,7 @@ def identification_details(found: Identification) -> IdentifyDetails:
     }
 
 
-def _log_details(fit: LogFit) -> LogIdentified:
+def _log_details(fit: ident.LogFit) -> LogIdentified:
     return {
         "source": fit.trajectory.source,
         "method": fit.method,
@@ -187,82 +173,70 @@ def doctor_command(
     picture: opt.Picture = None,
 ) -> None:
     """What each log can and cannot support; ends with 4 if identify would refuse one."""
+    from tune.presentation.tables import device_table
+
     columns = options.columns()
-    for place in range(len(logs)):
-        session.target(picture and _numbered(picture, place), *logs, hardware)
+    others = range(2, len(logs) + 1)
+    pictures = [picture, *(picture and picture.with_stem(f"{picture.stem}-{n}") for n in others)]
+    for each in pictures:
+        session.target(each, *logs, hardware)
     known = None if hardware is None else ident.load_document(ident.Hardware, hardware)
-    findings: list[Finding] = []
+    findings: list[ident.Finding] = []
     examined: list[LogExamined] = []
     session.details["logs"] = examined
     refused = False
-    several: list[ident.Trajectories] = []
-    for place, path in enumerate(logs):
+
+    @contextmanager
+    def told_later() -> Generator[None]:
+        """One log that is refused keeps no other from being examined."""
+        nonlocal refused
         try:
-            with session.progress() as say:
-                say(f"reading {path.name}")
+            yield
+        except LogRefusedError as error:
+            findings.extend(error.findings)
+            refused = True
+
+    several: list[ident.Trajectories] = []
+    for path, drawn in zip(logs, pictures, strict=True):
+        with told_later():
+            with session.progress(f"reading {path.name}"):
                 trajectory = read_log(path, columns, known)
             tell_reading(session, trajectory)
             if isinstance(trajectory, ident.Trajectories):
                 several.append(trajectory)
                 continue
-            with session.progress() as say:
-                say(f"examining {path.name}")
+            with session.progress(f"examining {path.name}"):
                 seen = ident.examine(trajectory, hardware=known, allow=allow or [])
-        except LogRefusedError as error:  # the columns are no log at all
-            findings += error.findings
-            refused = True
-            continue
-        examined.append(_examined(seen))
-        session.say(_examination_table(seen))
-        session.say(_verdict(seen))
-        drawn = partial(_drawn, trajectory, seen)
-        session.draw(picture and _numbered(picture, place), drawn)
-        findings += seen.findings
-        refused = refused or seen.refused
+            examined.append(_examined(seen))
+            session.say(_examination_table(seen))
+            session.say(_verdict(seen))
+            session.draw(drawn, partial(_drawn, trajectory, seen.found))
+            findings += seen.findings
+            refused |= seen.refused
     poses: list[tuple[ident.Trajectories, ...]] = []
-    try:
+    with told_later():
         poses = ident.poses_of(several)
-    except LogRefusedError as error:
-        findings += error.findings
-        refused = True
-    for place, pose in enumerate(poses):
-        try:
-            with session.progress() as say:
-                say(f"examining {', '.join(log.source for log in pose)}")
+    for pose, drawn in zip(poses, pictures, strict=False):
+        with told_later():
+            with session.progress(f"examining {', '.join(log.source for log in pose)}"):
                 found = ident.identify(pose, hardware=known, allow=allow or [])
-        except LogRefusedError as error:
-            findings += error.findings
-            refused = True
-            continue
-        _tell_axes(session, found, picture and _numbered(picture, place))
-        findings += found.findings
+            session.say(device_table(found.device))
+            session.say(f"usable, by {found.logs[0].reason}")
+            session.draw(drawn, partial(ident.identified_picture, found.device, found.logs))
+            findings += found.findings
     if refused:
         raise LogRefusedError(tuple(findings))
     session.add_findings(tuple(findings))
 
 
-def _tell_axes(session: Session, found: Identification, picture: Path | None) -> None:
-    """What identify makes of a log of several axes."""
-    from tune.presentation.tables import device_table
-
-    session.say(device_table(found.device))
-    session.say(f"usable, by {found.logs[0].reason}")
-    session.draw(picture, lambda: ident.identified_picture(found.device, found.logs))
-
-
-def _numbered(picture: Path, place: int) -> Path:
-    """The file of the picture of one log: as named for the first, with -2 and so on for others."""
-    return picture if place == 0 else picture.with_stem(f"{picture.stem}-{place + 1}")
-
-
-def _drawn(trajectory: Trajectory, seen: Examination) -> Figure:
+def _drawn(trajectory: ident.Trajectory, found: ident.Identification | None) -> Figure:
     """What identify makes of one log, or the log alone if it makes nothing of it."""
-    if seen.found is None:
+    if found is None:
         return ident.log_picture(trajectory)
-    return ident.identified_picture(seen.found.device, seen.found.logs)
+    return ident.identified_picture(found.device, found.logs)
 
 
-def _examination_table(seen: Examination) -> Table:
+def _examination_table(seen: ident.Examination) -> Table:
     from tune.presentation.tables import headed_table, units_of
 
     units = units_of(seen.motion)
@@ -285,7 +259,7 @@ def _examination_table(seen: Examination) -> Table:
     return table
 
 
-def _quantity_words(quantity: Quantity | None, unit: str) -> str:
+def _quantity_words(quantity: ident.Quantity | None, unit: str) -> str:
     if quantity is None:
         return "not told"
     half = (quantity.high - quantity.low) / 2
@@ -293,7 +267,7 @@ def _quantity_words(quantity: Quantity | None, unit: str) -> str:
     return f"{quantity.value:.5g} ± {half:.2g} {unit}{share}"
 
 
-def _verdict(seen: Examination) -> str:
+def _verdict(seen: ident.Examination) -> str:
     refusals = list(dict.fromkeys(f.code for f in seen.findings if f.severity == "refusal"))
     warnings = list(dict.fromkeys(f.code for f in seen.findings if f.severity == "warning"))
     if seen.refused:
@@ -301,7 +275,7 @@ def _verdict(seen: Examination) -> str:
     return "usable" + (f", with warnings: {', '.join(warnings)}" if warnings else "")
 
 
-def _with_interval(quantity: Quantity | None) -> ToldQuantity | None:
+def _with_interval(quantity: ident.Quantity | None) -> ToldQuantity | None:
     from tune.presentation.tables import half_width, relative_half_width
 
     if quantity is None:
@@ -315,7 +289,7 @@ def _with_interval(quantity: Quantity | None) -> ToldQuantity | None:
     }
 
 
-def _examined(seen: Examination) -> LogExamined:
+def _examined(seen: ident.Examination) -> LogExamined:
     return {
         "source": seen.source,
         "motion": seen.motion,
@@ -355,9 +329,9 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
 
 def ask_columns(
     session: Session,
-    columns: LogColumns,
-    read: Callable[[LogColumns], list[Trajectory | Trajectories]],
-) -> tuple[LogColumns, list[Trajectory | Trajectories]]:
+    columns: ident.LogColumns,
+    read: Callable[[ident.LogColumns], list[ident.Trajectory | ident.Trajectories]],
+) -> tuple[ident.LogColumns, list[ident.Trajectory | ident.Trajectories]]:
     """Read logs, asking for one option after the other that they leave open.
 
     What was answered is told as options, which other commands on these logs take.
@@ -385,7 +359,7 @@ def ask_columns(
             return columns, found
 
 
-def _of_axis(columns: LogColumns, error: QuestionError, answer: Any) -> Any:
+def _of_axis(columns: ident.LogColumns, error: QuestionError, answer: Any) -> Any:
     """The option of all axes, with the answer for the one that was asked for."""
     before: Any = getattr(columns, error.option)
     if error.choices:
@@ -435,7 +409,9 @@ def own_hardware(session: Session, given: Path | None) -> Path | None:
     return given
 
 
-def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardware | None:
+def ask_facts(
+    session: Session, device: ident.Device, known: ident.Hardware | None
+) -> ident.Hardware | None:
     """What is known with the facts that the device lacks, as a person answers; None for none."""
     named = {"axis": device.axis} if device.axes is None else {"axes": device.axes}
     before = found = known or ident.Hardware.model_validate({"name": device.name, **named})
@@ -450,7 +426,7 @@ def ask_facts(session: Session, device: Device, known: Hardware | None) -> Hardw
     return None if found == before else found
 
 
-def _stated(session: Session, known: Hardware, fact: Unstated) -> Hardware:
+def _stated(session: Session, known: ident.Hardware, fact: ident.Unstated) -> ident.Hardware:
     """What is known with one more fact, or as it is where nothing was answered."""
     question, *prompts = _QUESTIONS[fact.key].split("|")
     session.tell(f"\n{fact.key.replace('_', ' ')}. {question}")
@@ -474,13 +450,13 @@ def _content(key: str, said: list[str]) -> Any:
     return {"continuous": numbers[0], "peak": numbers[-1]} if key == "force_limit" else numbers[0]
 
 
-def write_hardware(session: Session, path: Path, known: Hardware, *, dry_run: bool) -> None:
+def write_hardware(session: Session, path: Path, known: ident.Hardware, *, dry_run: bool) -> None:
     """Keep what was stated, so that it is asked once."""
     text = ident.to_yaml(ident.to_mapping(known), "Stated by a person; numbers in SI units.")
     session.write(path, text, dry_run=dry_run, changes="facts stated")
 
 
-def device_stating(device: Device, known: Hardware) -> Device:
+def device_stating(device: ident.Device, known: ident.Hardware) -> ident.Device:
     """The device with facts that were stated for it."""
     content, stated = ident.to_mapping(device), ident.to_mapping(known)
     new = {fact: stated[fact] for fact in device.unstated() if stated.get(fact) is not None}

@@ -408,8 +408,7 @@ def simulate_command(
 
     session.target(output)
     scenario = scenario_named(spec)
-    with session.progress() as say:
-        say(f"simulating {spec}")
+    with session.progress(f"simulating {spec}"):
         trajectory = run(scenario, seed=seed)
     session.details |= {
         "scenario": spec,

@@ -416,8 +416,7 @@ def export_command(
     targets = _targets(to)
     called = _node(node, targets)
     _refuse_missing_folder(output)
-    with session.progress() as say:
-        say("re-computing the certificate")
+    with session.progress("re-computing the certificate"):
         checked = check(profile).profile
     files: dict[Path, str] = {}
     for target in targets:
@@ -529,8 +528,7 @@ def report_command(
     given = logs or []
     session.target(output, profile, *given, what_if)
     columns = options.columns()
-    with session.progress() as say:
-        say("re-computing the certificate")
+    with session.progress("re-computing the certificate") as say:
         safe = check(profile).profile
         say("reading logs")
         trajectories = [_own_log(path, columns, safe, profile) for path in given]
@@ -541,8 +539,7 @@ def report_command(
     if found is not None:
         session.add_findings(found.findings)
     alternatives = None if what_if is None else _alternatives(session, safe, what_if)
-    with session.progress() as say:
-        say("drawing")
+    with session.progress("drawing"):
         text = report_html(safe, found, alternatives)
     session.details |= {} if found is None else identification_details(found)
     session.details |= {"profile": ident.to_mapping(safe), "half_widths": half_widths(safe.device)}

@@ -8,9 +8,9 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cache, wraps
+from functools import cache, partial, wraps
 from pathlib import Path
 from select import select
 from time import monotonic
@@ -211,8 +211,7 @@ class Session:
         if path is None:
             return
         stream = BytesIO()
-        with self.progress() as say:
-            say("drawing")
+        with self.progress("drawing"):
             picture = cast("Any", figure())
         picture.savefig(stream, format=_VECTORS.get(path.suffix.lower(), "png"), dpi=120)
         self.store(path, stream.getvalue())
@@ -231,22 +230,23 @@ class Session:
         return replaced
 
     @contextmanager
-    def progress(self) -> Generator[Callable[[str], None]]:
+    def progress(self, first: str = "") -> Generator[Callable[[str], None]]:
         """A function that is told each stage of the work, which a terminal shows with its clock.
 
         To a program that sets HAPTUNE_STAGES each is a line on standard error.
         """
+        say = stage = Stage()
+        shown: AbstractContextManager[object] = nullcontext()
         if "HAPTUNE_STAGES" in os.environ:
-            yield lambda sentence: print(sentence, file=sys.stderr, flush=True)  # noqa: T201
-            return
-        if self.as_json or self.quiet or not sys.stderr.isatty():
-            yield lambda _: None
-            return
-        from rich.console import Console
+            say = partial(print, file=sys.stderr, flush=True)
+        elif not self.as_json and not self.quiet and sys.stderr.isatty():
+            from rich.console import Console
 
-        stage = Stage()
-        with Console(stderr=True, markup=False, highlight=False).status(stage):
-            yield stage
+            shown = Console(stderr=True, markup=False, highlight=False).status(stage)
+        with shown:
+            if first:
+                say(first)
+            yield say
 
     def finish(self, code: Exit, message: str = "") -> int:
         """Print how it ended and return the exit code."""

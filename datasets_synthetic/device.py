@@ -29,6 +29,12 @@ def read_only_copy(array: FloatArray) -> FloatArray:
     return copy
 
 
+def sum_of_those_there(*parts: FloatArray | None) -> FloatArray | None:
+    """The sum of arrays, some of which may be None; None where all are."""
+    there = [part for part in parts if part is not None]
+    return sum(there[1:], start=there[0]) if there else None
+
+
 class Batched:
     """A dataclass of numbers, or arrays of one value a member, shape (batch,)."""
 
@@ -508,5 +514,4 @@ class Hand(Batched):
         moved = column(self.stiffness) * column(self.wander)
         tremor = band_noise(sources, "tremor", column(self.tremor), TREMOR_BAND, stamps)
         wander = band_noise(sources, "wander", moved, WANDER_BAND, stamps)
-        parts = [part for part in (tremor, wander) if part is not None]
-        return sum(parts[1:], start=parts[0]) if parts else None
+        return sum_of_those_there(tremor, wander)

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Hand, Rig, per_member
+from datasets_synthetic.device import Hand, Rig, per_member, sum_of_those_there
 from datasets_synthetic.motion import Drag, Field, Part, Stride, advance
 
 FloatArray = NDArray[np.float64]
@@ -190,9 +190,9 @@ class RigidDynamics:
         self._mass = column(rig.mass) + column(hand.mass)
         self._drag = _drag(rig, hand, self._mass)
         self._offset = column(rig.force_offset) - column(hand.stiffness) * column(hand.rest)
-        there = [load for load in (loads.device, loads.handle) if load is not None]
+        pushed = sum_of_those_there(loads.device, loads.handle)
         #: What resists besides drag, N, at each sample if it changes.
-        self._loads = np.ascontiguousarray(self._offset - sum(there)) if there else None
+        self._loads = None if pushed is None else np.ascontiguousarray(self._offset - pushed)
         self._resisted = self._offset
         self._state = np.stack((position, velocity))
         self._strides: dict[int, Stride | None] = {}

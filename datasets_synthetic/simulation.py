@@ -34,6 +34,7 @@ from datasets_synthetic.device import (
     per_member,
     read_only_copy,
     scatter,
+    sum_of_those_there,
     white_noise,
 )
 from datasets_synthetic.dynamics import FlexibleDynamics, Loads, RigidDynamics, fastest, maps
@@ -329,22 +330,15 @@ def _loads(
     column = partial(per_member, batch=batch)
     if pushed is not None and pushed.shape[1] != samples:
         raise ValueError(f"push has {pushed.shape[1]} samples, force {samples}: give as many")
-    device = (
-        white_noise(sources, "force", column(faults.force_noise), samples),
-        coloured_noise(
-            sources, column(faults.coloured_force), column(faults.correlation_time), stamps
-        ),
+    white = white_noise(sources, "force", column(faults.force_noise), samples)
+    coloured = coloured_noise(
+        sources, column(faults.coloured_force), column(faults.correlation_time), stamps
     )
-    handle = (
-        hand.push(sources, stamps),
-        None if pushed is None else np.broadcast_to(pushed.T, (samples, batch)),
+    held = None if pushed is None else np.broadcast_to(pushed.T, (samples, batch))
+    return Loads(
+        device=sum_of_those_there(white, coloured),
+        handle=sum_of_those_there(hand.push(sources, stamps), held),
     )
-    return Loads(device=_sum(device), handle=_sum(handle))
-
-
-def _sum(parts: tuple[FloatArray | None, ...]) -> FloatArray | None:
-    there = [part for part in parts if part is not None]
-    return sum(there[1:], start=there[0]) if there else None
 
 
 #: Force of each axis from what its encoder reads, N (N·m), shape (batch, axes) both.

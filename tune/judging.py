@@ -470,16 +470,20 @@ def _felt_entries(effect: str, old: Device, new: Device) -> Iterator[tuple[str, 
 
 def _felt_effects(old: Design, new: Design) -> Iterator[Felt]:
     """Each effect, on the old device and in the motion of the design that has it."""
-    table = default_table()
+    for name, effect, sizes in _sizes(old, new):
+        motion = next(d.elements[name].motion for d in (old, new) if name in d.elements)
+        scale = Scale.of(effect, old.device, default_table(), motion)
+        before, after = (_signed_steps(scale, size) for size in sizes)
+        if any(sizes):
+            yield Felt(name=f"{name}.{effect}", steps=after - before)
+
+
+def _sizes(old: Design, new: Design) -> Iterator[tuple[str, EffectName, list[float]]]:
+    """Every effect of every element of both, old and new, 0 where it is not there."""
     for name in dict.fromkeys((*old.elements, *new.elements)):
         both = [design.elements.get(name) for design in (old, new)]
-        motion = next(each.motion for each in both if each)
         for effect in EFFECT_NAMES:
-            scale = Scale.of(effect, old.device, table, motion)
-            sizes = [0.0 if each is None else getattr(each, effect) for each in both]
-            before, after = (_signed_steps(scale, size) for size in sizes)
-            if any(sizes):
-                yield Felt(name=f"{name}.{effect}", steps=after - before)
+            yield name, effect, [0.0 if each is None else getattr(each, effect) for each in both]
 
 
 def _signed_steps(scale: Scale, value: float) -> float:
@@ -541,10 +545,8 @@ def _moved(design: SafeProfile, device: Device) -> Design:
 
 def _effects(old: Design, new: Design) -> tuple[Change, ...]:
     """Every effect that acts in at least one of the designs."""
-    sides: dict[str, list[Interval | None]] = {}
-    for name in dict.fromkeys((*old.elements, *new.elements)):
-        both = [design.elements.get(name) for design in (old, new)]
-        for effect in EFFECT_NAMES:
-            sizes = [0.0 if each is None else getattr(each, effect) for each in both]
-            sides[f"{name}.{effect}"] = [exact(size) if size else None for size in sizes]
+    sides: dict[str, list[Interval | None]] = {
+        f"{name}.{effect}": [exact(size) if size else None for size in sizes]
+        for name, effect, sizes in _sizes(old, new)
+    }
     return stated(sides)

@@ -479,20 +479,11 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
     where some trial diverges or keeps oscillating; then nothing may be written.
     """
     from datasets_synthetic import Hand, rehearse, rig_of
-    from tune.documents.scene import EFFECT_NAMES
 
-    hand = design.hand and Hand(
-        mass=design.hand.mass.value,
-        damping=design.hand.damping.value,
-        stiffness=design.hand.stiffness.value,
-    )
+    hand = design.hand and Hand(**{name: each.value for name, each in design.hand})
     rig = rig_of(design.device)
     others = _other_rigs(design, rig)
-    there = {
-        name
-        for name, element in design.elements.items()
-        if any(getattr(element, effect) for effect in EFFECT_NAMES)
-    }
+    there = {name for name, element in design.elements.items() if element.acting}
     unlike = design.one_of_each().combinations()
     combinations = [names for names in unlike if there.issuperset(names)]
     runs = -(-len(combinations) // _AT_ONCE)
@@ -547,21 +538,13 @@ def _law(design: Design, combinations: Sequence[tuple[str, ...]]) -> Controller:
 
     certified = {frozenset(names) for names in design.combinations()}
     members = [_parts(design, names, certified) for names in combinations]
-    loop = design.loop
-    infinite = float("inf")
+    settings = design.loop.filter_settings().items()
     # Samples that a gain waits for before it rises; of an uncertified design one.
     taps = design.certificate.longest_tap if isinstance(design, SafeProfile) else 1
     return Controller(
         beside=tuple(_column(column) for column in zip_longest(*members)),
         calls=Calls(taps=taps),
-        velocity_filter_hz=loop.velocity_filter_hz or infinite,
-        acceleration_filter_hz=loop.acceleration_filter_hz or infinite,
-        velocity_filter=loop.velocity_filter,
-        acceleration_filter=loop.acceleration_filter,
-        velocity_filter_order=loop.velocity_filter_order,
-        acceleration_filter_order=loop.acceleration_filter_order,
-        filter_damping_ratio=loop.filter_damping_ratio,
-        velocity_window_samples=loop.velocity_window_samples or 1,
+        **{name: value for name, value in settings if value is not None},
     )
 
 

@@ -109,9 +109,9 @@ def calibrate_command(
 ) -> None:
     """Identify the device and tune the scene in one go; the device is kept inside the profile."""
     session.target(output, *logs, scene, hardware)
-    inputs = (*logs, scene, hardware, output)
-    session.target(picture, *inputs)
-    session.target(picture and _further_picture(picture, "profile"), *inputs)
+    drawn = picture and picture.with_name(f"{picture.stem}-profile{picture.suffix}")
+    for each in (picture, drawn):
+        session.target(each, *logs, scene, hardware, output)
     columns = options.columns()
     wish = read_request(scene, margin)
     found = identify_logs(
@@ -122,9 +122,8 @@ def calibrate_command(
     )
     profile = tune_device(session, found.device, wish, compare=candidates)
     _write_profile(session, output, profile, dry_run=dry_run)
-    if picture is not None:
-        session.draw(picture, lambda: ident.identified_picture(found.device, found.logs))
-        draw_profile(session, _further_picture(picture, "profile"), profile)
+    session.draw(picture, lambda: ident.identified_picture(found.device, found.logs))
+    draw_profile(session, drawn, profile)
 
 
 @command()
@@ -380,10 +379,6 @@ def draw_profile(
         from tune.presentation.pictures import profile_sheet
 
         session.draw(picture, lambda: profile_sheet(profile, verdict))
-
-
-def _further_picture(picture: Path, what: str) -> Path:
-    return picture.with_name(f"{picture.stem}-{what}{picture.suffix}")
 
 
 #: A node's name, or all of it from the root.

@@ -71,7 +71,10 @@ class Change:
 
 def changes_of(old: Device, new: Device) -> tuple[Change, ...]:
     """Every quantity that at least one of the devices states."""
-    sides = {name: [_interval(getattr(each, name)) for each in (old, new)] for name in _QUANTITIES}
+    sides: dict[str, list[Interval | None]] = {
+        name: [(item := getattr(each, name)) and _range(item) for each in (old, new)]
+        for name in _QUANTITIES
+    }
     limits = [each.force_limit for each in (old, new)]
     for name in ("continuous", "peak"):
         sides[f"force_limit.{name}"] = [each and exact(getattr(each, name)) for each in limits]
@@ -103,12 +106,6 @@ def stated(sides: dict[str, list[Interval | None]]) -> tuple[Change, ...]:
     """Old and new by name, of all that one of them states."""
     changes = (Change(name=name, old=old, new=new) for name, (old, new) in sides.items())
     return tuple(each for each in changes if each.old or each.new)
-
-
-def _interval(item: Quantity | SlopeRange | None) -> Interval | None:
-    if item is None:
-        return None
-    return _range(item)
 
 
 def _range(item: Quantity | SlopeRange) -> Interval:

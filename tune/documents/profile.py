@@ -228,19 +228,6 @@ class Certificate(Document):
         return max((each.longest_tap for each in proofs), default=1)
 
 
-#: Names of the settings of both filters, in files, loops, the certificate and the simulator alike.
-_FILTER_SETTINGS = (
-    "velocity_filter",
-    "acceleration_filter",
-    "velocity_filter_hz",
-    "acceleration_filter_hz",
-    "velocity_filter_order",
-    "acceleration_filter_order",
-    "filter_damping_ratio",
-    "velocity_window_samples",
-)
-
-
 class LoopProfile(Document):
     """The loop the controller must run: period, delay beyond an immediate loop, the very filters.
 
@@ -287,7 +274,8 @@ class LoopProfile(Document):
 
     def filter_settings(self) -> dict[str, Any]:
         """What says which filters run, by the names that all of haptune calls them."""
-        return {name: getattr(self, name) for name in _FILTER_SETTINGS}
+        others = {"sample_time", "extra_delay_samples"}
+        return {name: item for name, item in self if name not in others}
 
 
 LimitedBy = Literal[

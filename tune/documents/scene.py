@@ -64,11 +64,11 @@ class Effects:
 
     def arrays(self) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
         """(K, B, M) as float64 arrays of the shapes given, ``None`` kept."""
-        return (_array(self.stiffness), _array(self.damping), _array(self.mass))
-
-
-def _array(values: ArrayLike | None) -> FloatArray | None:
-    return None if values is None else np.asarray(values, dtype=np.float64)
+        K, B, M = (
+            None if values is None else np.asarray(values, dtype=np.float64)
+            for values in (self.stiffness, self.damping, self.mass)
+        )
+        return K, B, M
 
 
 #: Units by motion of the axis.
@@ -435,12 +435,7 @@ class Element(Document):
 
     def wishes(self) -> dict[EffectName, Wish]:
         """The effects asked for."""
-        found: dict[EffectName, Wish | None] = {
-            "stiffness": self.stiffness,
-            "damping": self.damping,
-            "mass": self.mass,
-        }
-        return {name: wish for name, wish in found.items() if wish is not None}
+        return {name: wish for name in EFFECT_NAMES if (wish := getattr(self, name)) is not None}
 
 
 class Motion(Document):

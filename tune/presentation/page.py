@@ -61,7 +61,7 @@ def report_html(
             "alternatives": alternatives and plain_table(alternatives_table(alternatives)),
             "day": written,
         },
-        running=_css_text(f"{'serial ' + _stated(safe.device.serial)}, {safe.digest}"),
+        running=_css_text(f"serial {_stated(safe.device.serial)}, {safe.digest}"),
     )
 
 
@@ -187,11 +187,8 @@ def _pictures(safe: SafeProfile) -> Iterator[dict[str, object]]:
     words += "what is left to the margin; the part of each limit that it uses. "
     yield _picture(words + pictures.words_of_shown(safe), region)
     for name in pictures.shown_elements(safe):
-        yield _picture(
-            pictures.sizes_in_words(safe, name),
-            pictures.slice_picture(safe, name, boundaries),
-            pictures.limits_picture(safe, name),
-        )
+        drawn = pictures.element_pictures(safe, name, boundaries)
+        yield _picture(pictures.sizes_in_words(safe, name), *drawn)
 
 
 def _fit(safe: SafeProfile, found: Identification) -> dict[str, object]:

@@ -224,23 +224,14 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
         axes.add_artist(told)  # what the boundaries are stays told above
 
 
-def slice_picture(design: Design, name: str, boundaries: Boundaries) -> Figure:
-    """Region slice at one element's own mass, with what is left to the margin."""
+def element_pictures(design: Design, name: str, boundaries: Boundaries) -> tuple[Figure, Figure]:
+    """The plane of one element, and a bar a limit of it."""
     from identification import NotebookFigure
 
-    figure = NotebookFigure(figsize=_SMALL)
-    axes = figure.add_axes((0.17, 0.17, 0.8, 0.67))
-    draw_slice(axes, boundaries, design, name)
-    return figure
-
-
-def limits_picture(design: Design, name: str) -> Figure:
-    """A bar a limit of one element, the part of it that is used."""
-    from identification import NotebookFigure
-
-    figure = NotebookFigure(figsize=_SMALL)
-    draw_limits(figure.add_axes((0.27, 0.1, 0.71, 0.74)), design, name)
-    return figure
+    plane, limits = NotebookFigure(figsize=_SMALL), NotebookFigure(figsize=_SMALL)
+    draw_slice(plane.add_axes((0.17, 0.17, 0.8, 0.67)), boundaries, design, name)
+    draw_limits(limits.add_axes((0.27, 0.1, 0.71, 0.74)), design, name)
+    return plane, limits
 
 
 def sizes_in_words(design: Design, name: str) -> str:

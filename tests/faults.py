@@ -992,7 +992,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/verification/directions.py",
         "tests/test_several_axes.py -k 'gain_of_one or askew'",
-        ("force across is judged", "agrees = seen <= allowed", "agrees = True"),
+        ("force across is judged", "agrees=seen <= allowed", "agrees=True"),
     ),
     *_of(
         "tune/verification/motion.py",

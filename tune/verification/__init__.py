@@ -46,6 +46,7 @@ from tune.verification.law import (
     MeasuredCutoff,
     Outcome,
     combination_in_words,
+    compared,
     measured_cutoffs,
     rms,
     unassessed_outcome,
@@ -365,17 +366,14 @@ def _encoder(profile: Design, trajectory: Trajectory) -> Outcome:
     if np.any(np.abs(apart / count - counts) > _ON_GRID):
         return unassessed_outcome("encoder", "the positions lie on no grid")
     ratio = count / known.value
-    agrees = abs(ratio - 1) <= _COUNT_TOLERANCE
-    return Outcome(
-        check="encoder",
-        verdict="agrees" if agrees else "disagrees",
+    return compared(
+        "encoder",
+        {"seen": count, "predicted": known.value, "tolerance": _COUNT_TOLERANCE},
+        agrees=abs(ratio - 1) <= _COUNT_TOLERANCE,
         seen=f"positions in steps of {count:.5g} {length}",
         predicted=f"{known.value:.5g} {length}",
         tolerance=f"{_COUNT_TOLERANCE:.0%}",
-        numbers={"seen": count, "predicted": known.value, "tolerance": _COUNT_TOLERANCE},
-        remedy=""
-        if agrees
-        else f"The unit of the position looks {ratio:.4g} times too large: state "
+        remedy=f"The unit of the position looks {ratio:.4g} times too large: state "
         f"--position-gain {1 / ratio:.4g}; or log more digits; only where the data sheet of the "
         "encoder says so, state another encoder_resolution and tune again.",
     )
@@ -420,22 +418,14 @@ def _ripple(
         why = f"the handle moves by half a count a sample or more for {count} rows only"
         return unassessed_outcome("ripple", why, rows=count)
     seen = predicted * rms(np.diff(force, _ORDER)[moving]) / of_differences
-    agrees = 1 / (1 + _RIPPLE_TOLERANCE) <= seen / predicted <= 1 + _RIPPLE_TOLERANCE
-    return Outcome(
-        check="ripple",
-        verdict="agrees" if agrees else "disagrees",
+    return compared(
+        "ripple",
+        {"seen": seen, "rows": count, "predicted": predicted, "tolerance": _RIPPLE_TOLERANCE},
+        agrees=1 / (1 + _RIPPLE_TOLERANCE) <= seen / predicted <= 1 + _RIPPLE_TOLERANCE,
         seen=f"{seen:.3g} {unit} rms over {count} rows in motion",
         predicted=f"{predicted:.3g} {unit} rms",
         tolerance=f"{_RIPPLE_TOLERANCE:.0%}",
-        numbers={
-            "seen": seen,
-            "rows": count,
-            "predicted": predicted,
-            "tolerance": _RIPPLE_TOLERANCE,
-        },
-        remedy=""
-        if agrees
-        else "Check the resolution of the encoder in the device, and look for noise on the "
+        remedy="Check the resolution of the encoder in the device, and look for noise on the "
         "position, an uneven clock or a vibration of the mechanism.",
     )
 

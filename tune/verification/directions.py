@@ -21,6 +21,7 @@ from tune.verification.law import (
     Log,
     Outcome,
     combinations_of,
+    compared,
     effects_of,
     force_of,
     rms,
@@ -125,18 +126,15 @@ def judge_across(
     scale = rms(law.log.force[law.log.used])
     seen = float(np.linalg.norm([rms(each) for each in left]))
     allowed = max(MISFIT * scale, ROUNDING * digits.noise(played, law.loop))
-    agrees = seen <= allowed
-    return Outcome(
-        check="across",
-        verdict="agrees" if agrees else "disagrees",
+    return compared(
+        "across",
+        {"seen": seen, "scale": scale, "tolerance": allowed},
+        agrees=seen <= allowed,
         seen=f"{seen:.2g} {unit} rms of {scale:.3g} {unit} unexplained",
         predicted="no force across a wall; of other elements the law that is seen along",
         tolerance=f"{allowed:.2g} {unit}",
-        remedy=""
-        if agrees
-        else "Play one element, with one wall of one normal at most, with the same gain on all "
+        remedy="Play one element, with one wall of one normal at most, with the same gain on all "
         "axes; check which motor and encoder each column is of, and their signs.",
-        numbers={"seen": seen, "scale": scale, "tolerance": allowed},
     )
 
 

@@ -109,6 +109,15 @@ class Outcome:
         return f"{self.summary}{allowed}. {self.remedy}".rstrip()
 
 
+def compared(
+    check: str, numbers: Mapping[str, float], *, agrees: bool, remedy: str = "", **words: str
+) -> Outcome:
+    """What was seen against what is predicted; the remedy is of a disagreement."""
+    verdict = "agrees" if agrees else "disagrees"
+    remedy = "" if agrees else remedy
+    return Outcome(check=check, verdict=verdict, remedy=remedy, numbers=numbers, **words)
+
+
 def unassessed_outcome(check: str, why: str, remedy: str = "", **numbers: float) -> Outcome:
     """Nothing is claimed, and why; with the numbers that the words name."""
     return Outcome(check=check, verdict="not assessed", seen=why, remedy=remedy, numbers=numbers)
@@ -304,13 +313,13 @@ class MeasuredCutoff:
     @property
     def outcome(self) -> Outcome:
         """The interval beside what is stated, which the law was recognised by."""
-        return Outcome(
-            check=f"{self.name} filter",
-            verdict="agrees",
+        return compared(
+            f"{self.name} filter",
+            {"seen_low": self.low, "seen_high": self.high, "predicted": self.stated},
+            agrees=True,
             seen=f"{self.low:.5g} to {self.high:.5g} Hz",
             predicted=f"{self.stated:.5g} Hz",
             tolerance="the law with such a cut-off explains the force as well",
-            numbers={"seen_low": self.low, "seen_high": self.high, "predicted": self.stated},
         )
 
 

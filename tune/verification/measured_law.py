@@ -23,6 +23,7 @@ from tune.verification.law import (
     Log,
     Outcome,
     combination_in_words,
+    compared,
     effects_of,
     fit_free,
     fit_scaled,
@@ -282,15 +283,15 @@ def _law_outcome(
             "Log the commanded force of the haptic controller alone, with no other force in it, "
             "beside the position it was computed from, every sample."
         )
-    return Outcome(
-        check="law",
-        verdict="agrees" if agrees else "disagrees",
+    return compared(
+        "law",
+        numbers,
+        agrees=agrees,
         seen=seen,
         predicted=f"-gain·(K·y + B·v + M·a) of {combination_in_words(combination)} with the "
         "filters of the profile",
         tolerance=f"{MISFIT:.0%} unexplained, and no other law that explains it better",
         remedy=remedy,
-        numbers=numbers,
     )
 
 
@@ -319,19 +320,17 @@ def _gain_outcome(
     same = "".join(
         f", or {part:.5g} of {combination_in_words(other)}" for other, part in others.items()
     )
-    return Outcome(
-        check="gain",
-        verdict="agrees" if agrees else "disagrees",
+    numbers = {"seen": seen, "tolerance": _MATERIAL_SIZE}
+    numbers |= {} if stated is None else {"predicted": stated}
+    numbers |= {f"seen as {combination_in_words(each)}": part for each, part in others.items()}
+    return compared(
+        "gain",
+        numbers,
+        agrees=agrees,
         seen=f"{seen:.5g} of {combination_in_words(combination)}{same}",
         predicted=predicted,
         tolerance=f"{_MATERIAL_SIZE:.0%}",
         remedy=remedy,
-        numbers={
-            "seen": seen,
-            "tolerance": _MATERIAL_SIZE,
-            **({} if stated is None else {"predicted": stated}),
-            **{f"seen as {combination_in_words(other)}": part for other, part in others.items()},
-        },
     )
 
 

@@ -23,6 +23,7 @@ from tune.verification.law import (
     Combination,
     Outcome,
     combination_in_words,
+    compared,
     effects_of,
     scale_effects,
     unassessed_outcome,
@@ -271,15 +272,15 @@ def _unsprung(
 
 def _growing(release: Release, prediction: Prediction) -> MeasuredMotion:
     low, high = prediction.decay
-    decay = Outcome(
-        check="decay",
-        verdict="disagrees",
+    decay = compared(
+        "decay",
+        {"predicted_low": low, "predicted_high": high},
+        agrees=False,
         seen="the swings grow until the log ends",
         predicted=f"{low:.4g} to {high:.4g} 1/s",
         tolerance="that it decays",
         remedy="Do not raise the gain. Check the sign of force and position, the filters "
         "and the delay of the controller.",
-        numbers={"predicted_low": low, "predicted_high": high},
     )
     frequency = unassessed_outcome("frequency", "the motion grows")
     return MeasuredMotion(release=release, prediction=prediction, outcomes=(frequency, decay))
@@ -316,14 +317,9 @@ def _frequency_outcome(
         return unassessed_outcome("frequency", why, _LOUDER, seen=value, seen_half_width=half)
     tolerance = prediction.frequency_tolerance
     agrees = value + half >= low * (1 - tolerance) and value - half <= high * (1 + tolerance)
-    return Outcome(
-        check="frequency",
-        verdict="agrees" if agrees else "disagrees",
-        seen=f"{value:.4g} ± {half:.2g} Hz, {turns} turning points",
-        predicted=f"{low:.4g} to {high:.4g} Hz, {nominal:.4g} Hz at best",
-        tolerance=f"{tolerance:.1%} and the interval of the measurement",
-        remedy="" if agrees else _frequency_remedy(measured, prediction, effects),
-        numbers={
+    return compared(
+        "frequency",
+        {
             "turning_points": turns,
             "predicted": nominal,
             "predicted_low": low,
@@ -332,6 +328,11 @@ def _frequency_outcome(
             "seen": value,
             "seen_half_width": half,
         },
+        agrees=agrees,
+        seen=f"{value:.4g} ± {half:.2g} Hz, {turns} turning points",
+        predicted=f"{low:.4g} to {high:.4g} Hz, {nominal:.4g} Hz at best",
+        tolerance=f"{tolerance:.1%} and the interval of the measurement",
+        remedy="" if agrees else _frequency_remedy(measured, prediction, effects),
     )
 
 
@@ -398,21 +399,15 @@ def _decay_outcome(
     if half > _WIDEST * max(nominal, abs(value)):
         return unassessed_outcome("decay", f"it is seen as {seen} only", _LOUDER, **numbers)
     slack = DECAY_TOLERANCE * nominal
-    agrees = value + half >= low - slack and value - half <= high + slack
-    return Outcome(
-        check="decay",
-        verdict="agrees" if agrees else "disagrees",
+    numbers |= {"predicted": nominal, "predicted_low": low, "predicted_high": high}
+    return compared(
+        "decay",
+        numbers | {"tolerance": DECAY_TOLERANCE},
+        agrees=value + half >= low - slack and value - half <= high + slack,
         seen=seen,
         predicted=f"{low:.4g} to {high:.4g} 1/s, {nominal:.4g} 1/s at best",
         tolerance=f"{DECAY_TOLERANCE:.0%} and the interval of the measurement",
-        remedy="" if agrees else remedy or "Identify the device again, with no hand on it.",
-        numbers={
-            **numbers,
-            "predicted": nominal,
-            "predicted_low": low,
-            "predicted_high": high,
-            "tolerance": DECAY_TOLERANCE,
-        },
+        remedy=remedy or "Identify the device again, with no hand on it.",
     )
 
 

@@ -14,7 +14,6 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Finding, LogRefusedError, Trajectories, Trajectory, UsageError
 from tune.certificate.certify import refuse_unbalanced
@@ -22,7 +21,7 @@ from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import UNITS, Effects
 from tune.loop.loop import Loop, filters_of
-from tune.loop.polynomials import value_at
+from tune.loop.polynomials import FloatArray, value_at
 from tune.rendering import law_numerator
 from tune.verification.delay import (
     Advice,
@@ -72,7 +71,6 @@ __all__ = [
     "verify",
 ]
 
-FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 
 #: Count of the log against the encoder of the device.

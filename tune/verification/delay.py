@@ -18,7 +18,6 @@ from functools import cache, partial
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Device, quantity
 from tune.certificate.certify import refuse_unbalanced
@@ -27,7 +26,7 @@ from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import Effects, Hand
 from tune.loop.loop import Filters, Loop, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
-from tune.loop.polynomials import companion_roots
+from tune.loop.polynomials import ComplexArray, FloatArray
 from tune.stability.verdict import safe_up_to
 from tune.verification.law import (
     Combination,
@@ -47,16 +46,14 @@ from tune.verification.motion import (
     Play,
     Prediction,
     plan_play,
+    poles_by_size,
     predict,
 )
 
-FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 #: (mass, damping, own stiffness) of loops, each of shape (n,).
 _Rigid = tuple[FloatArray, FloatArray, FloatArray]
 
-#: A pole nearer than this to w = -1, z = 0, is over within a sample: a delay leaves it.
-_GONE = 1e-6
 #: Imaginary parts below this part of the modulus are rounding: the pole is real.
 _REAL = 1e-6
 #: Samples of delay looked through beyond the stated one, and the step of the search.
@@ -153,8 +150,8 @@ def _mode(
     masses, damping, slope = (part.ravel() for part in np.meshgrid(*rigid, indexing="ij"))
     numbers = np.exp(masses), damping, slope
     loops = (_loops_over(device, numbers, each, used) for each in delays.tolist())
-    poles = np.stack([_slow_poles(loop, effects, T) for loop in loops])
-    poles = poles.reshape(tuple(each.size for each in knots))
+    slow = [poles_by_size(loop, effects, T)[0] for loop in loops]
+    poles: ComplexArray = np.reshape(slow, [each.size for each in knots])
     swings = np.abs(poles.imag) > _REAL * np.abs(poles)
     return np.where(swings, np.abs(poles.imag), 0.0) / (2 * np.pi), -poles.real
 
@@ -178,17 +175,6 @@ def _loops_over(
         current_lag=0.0 if device.current_lag is None else device.current_lag.value,
         position_stiffness=position_stiffness,
     )
-
-
-def _slow_poles(loop: Loop, effects: Effects, sample_time: float) -> NDArray[np.complex128]:
-    """The pole of least modulus of each loop, 1/s, shape (n,); free motion does not count."""
-    closed, _ = loop.polynomial(effects)
-    closed = closed[loop.lowest_power(effects) :]
-    w = companion_roots(closed[:-1] / closed[-1])
-    poles = np.full(w.shape, np.inf, dtype=np.complex128)
-    alive = np.abs(1 + w) > _GONE
-    poles[alive] = 2 / sample_time * np.arctanh(w[alive])
-    return poles[np.argmin(np.abs(poles), axis=0), np.arange(w.shape[1])]
 
 
 def _interpolated(

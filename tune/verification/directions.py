@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Trajectories, Trajectory, UsageError
 from tune.documents.profile import Design
 from tune.documents.scene import UNITS
+from tune.loop.polynomials import FloatArray
 from tune.verification.law import (
     Combination,
     Digits,
@@ -29,8 +29,6 @@ from tune.verification.law import (
     unassessed_outcome,
 )
 from tune.verification.measured_law import MISFIT, ROUNDING, MeasuredLaw
-
-FloatArray = NDArray[np.float64]
 
 
 def leading_direction(forces: Sequence[FloatArray]) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from tune.loop.polynomials import FloatArray
 
 #: A swing counts if it is larger than this many encoder counts, ...
 _COUNTS = 4.0

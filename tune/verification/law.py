@@ -22,8 +22,8 @@ from tune.documents.estimators import Derivative, Estimator
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, Effects
 from tune.loop.loop import Filters, filters_of
+from tune.loop.polynomials import FloatArray
 
-FloatArray = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
 Combination = tuple[str, ...]
@@ -145,21 +145,14 @@ _THE_SAME = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """Force and the three estimates on the rows used, their means taken out.
+    """Force, and position, velocity and acceleration, on the rows used, their means taken out.
 
     N, m, m/s and m/s², shape (n,); ``rows`` says which of the log these are.
     """
 
     force: FloatArray
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
+    parts: tuple[FloatArray, ...]
     rows: Rows
-
-    @property
-    def parts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """What stiffness, damping and mass are multiplied with."""
-        return self.position, self.velocity, self.acceleration
 
     @property
     def scale(self) -> float:
@@ -193,7 +186,6 @@ class Log:
 
         ``late`` is by how many rows the force column lags behind the position it answers.
         """
-        velocity, acceleration = _estimates(self.position, loop)
         warm = 2 + abs(late) + (loop.velocity_window_samples or 1)
         rows = np.zeros(self.force.size, dtype=np.bool_)
         for first, end in stretches(self.used & np.roll(self.used, -late)):
@@ -209,9 +201,7 @@ class Log:
 
         return Columns(
             force=rest(np.roll(self.force, -late)),
-            position=rest(self.position),
-            velocity=rest(velocity),
-            acceleration=rest(acceleration),
+            parts=tuple(map(rest, (self.position, *_estimates(self.position, loop)))),
             rows=rows,
         )
 

@@ -16,6 +16,7 @@ from identification import Trajectory
 from tune.documents.estimators import DERIVATIVES, Derivative, filter_of
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, UNITS, Effects
+from tune.loop.polynomials import FloatArray
 from tune.verification.law import (
     Combination,
     Digits,
@@ -33,7 +34,6 @@ from tune.verification.law import (
     unassessed_outcome,
 )
 
-FloatArray = NDArray[np.float64]
 Combinations = dict[Combination, Effects]
 
 #: Part of the force that may stay unexplained where no other law explains it better.

@@ -12,6 +12,7 @@ from identification import Device, quantity
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import DEFAULT_MOTION, Effects
 from tune.loop.loop import Loop, filters_of
+from tune.loop.polynomials import ComplexArray, FloatArray, companion_roots
 from tune.verification.free_motion import (
     FreeMotion,
     Release,
@@ -29,7 +30,6 @@ from tune.verification.law import (
     unassessed_outcome,
 )
 
-FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 
 #: Imaginary parts below this part of the modulus are rounding: the pole is real.
@@ -161,20 +161,30 @@ def binding_stiffness(device: Device, effects: Effects) -> float:
     return own if effects.stiffness is None else own + float(np.asarray(effects.stiffness))
 
 
+def poles_by_size(loop: Loop, effects: Effects, sample_time: float) -> ComplexArray:
+    """Poles of each loop, 1/s, the slowest first; free motion does not count.
+
+    Shape (degree, loops), inf where one is over within a sample.
+    """
+    closed, _ = loop.polynomial(effects)
+    closed = closed[loop.lowest_power(effects) :].reshape(-1, closed[0].size)
+    w = companion_roots(closed[:-1] / closed[-1])
+    poles = np.full(w.shape, np.inf, dtype=np.complex128)
+    alive = np.abs(1 + w) > _GONE
+    poles[alive] = 2 / sample_time * np.arctanh(w[alive])
+    order = np.argsort(np.abs(poles), axis=0)
+    return poles[order, np.arange(w.shape[1])]
+
+
 def slowest(
     device: Device, loop: LoopProfile, effects: Effects, *, extra_delay_samples: int = 0
 ) -> Slowest:
     """The slowest mode of the loop at the best estimate of a device."""
     built = Loop.from_parts(device, filters_of(loop), extra_delay_samples=extra_delay_samples)
-    closed, _ = built.polynomial(effects)
-    free = built.has_free_pole(effects)
-    w = np.asarray(np.roots(closed[built.lowest_power(effects) :][::-1]))
-    w = w[np.abs(1 + w) > _GONE].astype(np.complex128)
-    poles = 2 / device.sample_time.value * np.arctanh(w)
-    poles = poles[np.argsort(np.abs(poles))]
+    poles = poles_by_size(built, effects, device.sample_time.value)[:, 0]
     first = poles[0]
     oscillates = abs(first.imag) > _REAL * abs(first)
-    pair = len(poles) > 1 and not free and poles[1].imag == 0
+    pair = len(poles) > 1 and not built.has_free_pole(effects) and poles[1].imag == 0
     own = 2 if oscillates or pair else 1
     return Slowest(
         frequency=float(abs(first.imag)) / (2 * np.pi) if oscillates else 0.0,

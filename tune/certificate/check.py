@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, cast
@@ -47,63 +47,38 @@ from tune.documents.profile import (
 )
 from tune.documents.scene import EFFECT_NAMES, LONGEST_FADE, SHORTEST_FADE, EffectName, groups_of
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Trusted:
-    """A key of profiles, with all below it, that a check believes at least in part."""
-
-    key: str  # with the keys above it, joined by points; * stands for any name
-    reason: str  # what is believed, and what of it is not
-
-    def covers(self, path: Sequence[str]) -> bool:
-        """Whether a key, with the keys above it, is this one or below it."""
-        own = self.key.split(".")
-        return len(path) >= len(own) and all(
-            part in {"*", name} for part, name in zip(own, path, strict=False)
-        )
-
-
-def _trusted(*pairs: tuple[str, str]) -> tuple[Trusted, ...]:
-    return tuple(Trusted(key=key, reason=reason) for key, reason in pairs)
-
-
-#: Facts and wishes for which somebody answers.
-TAKEN_ON_TRUST = _trusted(
-    ("device", "facts of the device and its logs; --device compares them"),
-    ("scene", "a name"),
-    ("hand", "the grips asked for, each of which is proved"),
-    ("ripple_limit", "as asked for; that no combination exceeds it is recomputed"),
-    ("perception", "how finely hands tell; the steps it gives are recomputed"),
-    ("elements.*.motion", "how deep, fast and hard the hand moves"),
-    ("together", "sets as asked for, each of which is proved"),
-    ("apart", "pairs that the scene keeps apart; every other is proved"),
-    ("elements.*.lead", "as asked for; that it is kept is recomputed"),
-    ("elements.*.one_sided", "as asked for; that nothing in it pulls is checked"),
-    (
-        "elements.*.fade_time",
-        "as asked for or found; that all that must not be switched fades is checked, not once more "
-        "whether a hand could pump it",
-    ),
-)
+#: Facts and wishes for which somebody answers: keys of profiles, with all below them, * for any
+#: name, and what is believed of each, and what not.
+TAKEN_ON_TRUST = {
+    "device": "facts of the device and its logs; --device compares them",
+    "scene": "a name",
+    "hand": "the grips asked for, each of which is proved",
+    "ripple_limit": "as asked for; that no combination exceeds it is recomputed",
+    "perception": "how finely hands tell; the steps it gives are recomputed",
+    "elements.*.motion": "how deep, fast and hard the hand moves",
+    "together": "sets as asked for, each of which is proved",
+    "apart": "pairs that the scene keeps apart; every other is proved",
+    "elements.*.lead": "as asked for; that it is kept is recomputed",
+    "elements.*.one_sided": "as asked for; that nothing in it pulls is checked",
+    "elements.*.fade_time": "as asked for or found; that all that must not be switched fades is "
+    "checked, not once more whether a hand could pump it",
+}
 _MULTIPLIERS = "which multipliers; that these prove what they are stated for is done again"
 #: What a check leaves as it is said: a wish that nobody else knows, or what is no claim.
-OPINIONS = _trusted(
-    (
-        "elements.*.limited_by",
-        "that a value or range was wanted, or no limit is met in the range looked in; that every "
-        "other limit said to bind allows no tenth more is recomputed, of the proof of a wall, for "
-        "which elements leave room, not twice as much",
-    ),
-    ("elements.*.margins.gain", "that no more could be proved"),
-    ("elements.*.margins.extra_delay_samples", "that no more could be proved"),
-    ("notes", "why effects were dropped; which ones is recomputed"),
-    ("method", "which solver proposed; nothing rests on it"),
-    ("certificate.absolute_stability.*.free", _MULTIPLIERS),
-    ("certificate.absolute_stability.*.held", _MULTIPLIERS),
-    ("certificate.points", "the work it took; it is done again"),
-    ("certificate.cells", "the work it took; it is done again"),
-    ("certificate.versions", "what it was computed with"),
-)
+OPINIONS = {
+    "elements.*.limited_by": "that a value or range was wanted, or no limit is met in the range "
+    "looked in; that every other limit said to bind allows no tenth more is recomputed, of the "
+    "proof of a wall, for which elements leave room, not twice as much",
+    "elements.*.margins.gain": "that no more could be proved",
+    "elements.*.margins.extra_delay_samples": "that no more could be proved",
+    "notes": "why effects were dropped; which ones is recomputed",
+    "method": "which solver proposed; nothing rests on it",
+    "certificate.absolute_stability.*.free": _MULTIPLIERS,
+    "certificate.absolute_stability.*.held": _MULTIPLIERS,
+    "certificate.points": "the work it took; it is done again",
+    "certificate.cells": "the work it took; it is done again",
+    "certificate.versions": "what it was computed with",
+}
 
 #: Numbers are stored with twelve digits.
 _AGREE = 1e-9
@@ -386,12 +361,11 @@ def _wrong_play(name: str, element: ElementProfile) -> Iterator[str]:
 def _wrong_ripple(design: Design, name: str, setting: Setting | None) -> Iterator[str]:
     said = design.elements[name].ripple
     seen = None if setting is None else ripple_of(design, setting)
-    words = f"{name}: ripple says {four_digits(said)}, computed anew it is {four_digits(seen)}"
-    if said is None or seen is None:
-        if said is not seen:
-            yield words
-    elif not abs(said - seen) <= _RIPPLE_AGREES * seen:
-        yield words
+    alike = said is seen
+    if said is not None and seen is not None:
+        alike = abs(said - seen) <= _RIPPLE_AGREES * seen
+    if not alike:
+        yield f"{name}: ripple says {four_digits(said)}, computed anew it is {four_digits(seen)}"
 
 
 def _wrong_passivity(design: Design, name: str, setting: Setting | None) -> Iterator[str]:

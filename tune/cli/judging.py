@@ -269,13 +269,13 @@ def check_command(
     session.say(verdict_on(report.profile))
     session.say(effects_table(report.profile, everything=session.verbose))
     session.detail(*certificate_lines(report.certificate))
-    trusted = {
-        each.key: each.reason for each in TAKEN_ON_TRUST if known is None or each.key != "device"
-    }
+    trusted = {**TAKEN_ON_TRUST}
+    if known is not None:
+        del trusted["device"]
     session.details["taken_on_trust"] = trusted
     session.detail(*(f"taken on trust: {key}: {reason}" for key, reason in trusted.items()))
-    session.details["not_checked"] = {each.key: each.reason for each in OPINIONS}
-    session.detail(*(f"not checked: {each.key}: {each.reason}" for each in OPINIONS))
+    session.details["not_checked"] = OPINIONS
+    session.detail(*(f"not checked: {key}: {reason}" for key, reason in OPINIONS.items()))
     if known is not None:
         session.details["rehearsed"] = "settles"
         session.say(f"the device is {device}; rehearsed in simulation: settles")

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.device import (
     ByDirection,
@@ -36,14 +35,13 @@ from identification.findings.force_balance import ForceBalance, balance_of
 from identification.findings.lost_rows import Restored, restored
 from identification.fitting import LogFit, fit_log, suggested_by
 from identification.trajectory import (
+    FloatArray,
     Motion,
     Trajectories,
     Trajectory,
     encoder_count,
     refuse_sizes,
 )
-
-FloatArray = NDArray[np.float64]
 
 #: The excited band holds the power of the velocity but for this part at either end.
 _OUTSIDE = 0.01
@@ -502,7 +500,7 @@ def _band(rows: ForceBalance) -> tuple[float, float]:
     """Frequencies between which the motion has its velocity, Hz."""
     step = float(np.median(np.diff(rows.time)))
     velocity = (rows.velocity - np.mean(rows.velocity)) * np.hanning(len(rows))
-    power: NDArray[np.float64] = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
+    power: FloatArray = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
     frequency = np.fft.rfftfreq(len(rows), step)
     low = int(np.count_nonzero(power < _OUTSIDE * power[-1]))
     high = int(np.count_nonzero(power < (1 - _OUTSIDE) * power[-1]))

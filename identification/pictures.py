@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
-from numpy.typing import NDArray
 
 from identification.device.device import ByDirection, Device
 from identification.device.quantities import Quantity
@@ -26,9 +25,7 @@ from identification.findings.force_balance import ForceBalance, balance_of
 from identification.fitting import LogFit
 from identification.planning import Excitation
 from identification.planning.several_axes import AxesExcitation
-from identification.trajectory import NORMAL_95, Trajectory
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import NORMAL_95, FloatArray, Trajectory
 
 
 class NotebookFigure(Figure):

@@ -15,6 +15,9 @@ from identification.errors import Finding, InvalidInputError, LogRefusedError, U
 _Answer = TypeVar("_Answer")
 Motion = Literal["linear", "rotary"]
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IndexArray = NDArray[np.intp]
+ComplexArray = NDArray[np.complex128]
 
 #: Axes of one device at most: every pair has its entries in two matrices.
 MOST_AXES = 6
@@ -144,7 +147,7 @@ class Trajectory:
         columns = {name: column[rows] for name, column in self.columns()}
         return replace(self, **columns)
 
-    def spans(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
+    def spans(self, chosen: BoolArray) -> tuple[tuple[float, float], ...]:
         """First and last time, s, of each run of chosen rows, shape (n,); a hundred at most."""
         edges = np.flatnonzero(np.diff(chosen, prepend=False, append=False)).reshape(-1, 2)
         ends = self.time[edges[:_MOST_SPANS] - (0, 1)]

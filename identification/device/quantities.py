@@ -10,7 +10,6 @@ from html import escape
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -22,7 +21,7 @@ from pydantic import (
 
 from identification.documents import Document
 from identification.errors import InvalidInputError
-from identification.trajectory import NORMAL_95
+from identification.trajectory import NORMAL_95, FloatArray
 
 if TYPE_CHECKING:
     import polars
@@ -46,7 +45,6 @@ _WIDEST = 7.0
 #: The generator of directions starts here, so that a box can be repeated.
 _SEED = 20_261_126
 
-FloatArray = NDArray[np.float64]
 Matrix = tuple[tuple[float, ...], ...]
 Source = Literal["hardware", "log", "assumed"]
 

@@ -18,13 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.filters import recursive, whiteness
 from identification.estimators.signals import StepResponse
-
-FloatArray = NDArray[np.float64]
-
+from identification.trajectory import FloatArray, IndexArray
 
 #: Steps of Gauss-Newton; from least squares it converges in three to five.
 _MOST_STEPS = 40
@@ -355,7 +352,7 @@ def correlation_length(sums: FloatArray) -> float:
     return float(1 + 2 * np.sum(correlation[1:end]))
 
 
-def _block_edges(columns: FloatArray, residual: FloatArray) -> NDArray[np.intp]:
+def _block_edges(columns: FloatArray, residual: FloatArray) -> IndexArray:
     """Rows at which to cut a log into blocks, none shorter than the scores are correlated."""
     rows = residual.size
     parts = int(np.clip(rows // _SHORTEST_PART, 1, _FINEST_PARTS))

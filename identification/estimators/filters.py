@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from identification.trajectory import ComplexArray, FloatArray
 
-Spectra = dict[int, NDArray[np.complex128]]
+Spectra = dict[int, ComplexArray]
 #: Blocks hold this many rows, or this many kernels, whichever is longer.
 _SHORTEST_BLOCK = 1 << 14
 _KERNELS = 8

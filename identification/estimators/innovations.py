@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import (
     UNSETTLED,
@@ -33,8 +32,7 @@ from identification.estimators.least_squares import (
     complete_estimate,
 )
 from identification.estimators.signals import HeldResponse
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray
 
 #: Ratios of unlogged force to position noise tried as starts, as the corner frequency above which
 #: position noise rules, in parts of the sampling rate.

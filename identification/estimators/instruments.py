@@ -14,7 +14,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import Estimate, PointEstimate, spread, unit_columns
 from identification.estimators.least_squares import (
@@ -25,8 +24,7 @@ from identification.estimators.least_squares import (
 )
 from identification.estimators.motion import Motion
 from identification.estimators.signals import Commands, HeldColumn, HeldResponse, of_rows
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray
 
 #: Estimates at most with simulated instruments; ...
 _MOST_ROUNDS = 10

@@ -12,15 +12,13 @@ from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import solve
 from identification.estimators.least_squares import Regression, prepare
 from identification.estimators.motion import distinguishable_terms, refine_motion
 from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
-from identification.trajectory import Trajectories, Trajectory
+from identification.trajectory import FloatArray, Trajectories, Trajectory
 
-FloatArray = NDArray[np.float64]
 #: Positions that vary by this many deviations of their noise at most are of an axis that stands.
 _NOISE = 2.0
 #: Directions of motion are refined by the fitted model at most so often, ...

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import Spread, gauss_newton, spread
 from identification.estimators.instruments import explained_by_reference, solve_instrumental
@@ -16,9 +15,8 @@ from identification.estimators.joint import JointLog, JointModel, Rows
 from identification.estimators.joint_motion import DevicesOfAxes
 from identification.estimators.least_squares import CUT_OFF_RANGE
 from identification.estimators.signals import unknown_intervals
-from identification.trajectory import Trajectories
+from identification.trajectory import FloatArray, Trajectories
 
-FloatArray = NDArray[np.float64]
 JointMethod = Literal["least-squares", "instruments", "output-error"]
 
 #: Steps of Gauss and Newton, and the part of a deviation (of the sum of squares over the variance

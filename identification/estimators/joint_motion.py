@@ -16,9 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.estimators.signals import phi
-
-FloatArray = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from identification.trajectory import BoolArray, FloatArray, IndexArray
 
 #: Turns and starts of a device in one part of a sample at most.
 _MOST_EVENTS = 12
@@ -59,7 +57,7 @@ class DevicesOfAxes:
 class _Pattern:
     """Devices some axes of which stand: those that move, in diagonal coordinates."""
 
-    free: Indices
+    free: IndexArray
     rates: FloatArray  # (devices, free)
     shapes: FloatArray  # V with VᵀΛV = 1 and VᵀDV = diag(rates), (devices, free, free)
     back: FloatArray  # VᵀΛ
@@ -67,7 +65,7 @@ class _Pattern:
     slowed: FloatArray  # ... and by the speeds
 
     @classmethod
-    def of(cls, devices: DevicesOfAxes, free: Indices) -> _Pattern:
+    def of(cls, devices: DevicesOfAxes, free: IndexArray) -> _Pattern:
         square = (slice(None), free[:, None], free)
         mass, damping = devices.mass[square], devices.damping[square]
         inverse = np.linalg.inv(np.linalg.cholesky(mass))
@@ -79,12 +77,12 @@ class _Pattern:
         pushed, slowed = np.eye(len(taken[0])) - taken, taken @ devices.damping - devices.damping
         return cls(free, rates, shapes, np.swapaxes(shapes, 1, 2) @ mass, pushed, slowed)
 
-    def held(self, which: Indices | slice, speed: FloatArray, push: FloatArray) -> FloatArray:
+    def held(self, which: IndexArray | slice, speed: FloatArray, push: FloatArray) -> FloatArray:
         """Force that holds the axes that stand, N, shape (which, axes)."""
         return _times(self.pushed[which], push) + _times(self.slowed[which], speed)
 
     def moved(
-        self, which: Indices | slice, speed: FloatArray, pull: FloatArray, span: FloatArray
+        self, which: IndexArray | slice, speed: FloatArray, pull: FloatArray, span: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Distance, speed and acceleration of all axes after a span, shape (which, axes)."""
         free, shapes, rates = self.free, self.shapes[which], self.rates[which]
@@ -124,7 +122,7 @@ class _Run:
     patterns: dict[bytes, _Pattern] = field(default_factory=dict[bytes, _Pattern])
     blocks: dict[bytes, _Block] = field(default_factory=dict[bytes, "_Block"])
     grip: FloatArray = field(init=False)
-    rough: NDArray[np.bool_] = field(init=False)
+    rough: BoolArray = field(init=False)
 
     def __post_init__(self) -> None:
         self.grip = np.maximum(self.devices.friction, 0.0)
@@ -231,7 +229,7 @@ class _Run:
             found[:, which] = pattern.moved(which, speed[which], push[which], span[which])
         return found[0], found[1], found[2]
 
-    def _kinds(self, sense: FloatArray) -> Iterator[tuple[Indices | slice, _Pattern]]:
+    def _kinds(self, sense: FloatArray) -> Iterator[tuple[IndexArray | slice, _Pattern]]:
         """Devices by which of their axes move."""
         moving = self._moving(sense)
         if np.all(moving == moving[0]):
@@ -267,7 +265,7 @@ class _Run:
         pull: FloatArray,
         left: FloatArray,
         later: FloatArray,
-        back: NDArray[np.bool_],
+        back: BoolArray,
     ) -> FloatArray:
         """When each axis of each device comes to rest, s; infinite where it does not."""
         instant = np.full(speed.shape, np.inf)
@@ -297,7 +295,7 @@ class _Block:
     #: (speeds, distances) after each part by (start speed, forces of the parts), shape (devices, 2,
     #: steps·axes, axes + steps·axes)
     maps: FloatArray
-    stuck: Indices
+    stuck: IndexArray
     pattern: _Pattern
 
     @classmethod

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import (
     Estimate,
@@ -36,9 +35,7 @@ from identification.estimators.signals import (
     of_rows,
     unknown_intervals,
 )
-from identification.trajectory import Trajectory, excited_part
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray, Trajectory, excited_part
 
 #: Noise may make up this share of the power of the filtered acceleration; it attenuates the mass
 #: by the same share.

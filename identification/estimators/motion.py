@@ -14,15 +14,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import Model
 from identification.estimators.filters import REACH, LowPass, gaussian
 from identification.estimators.signals import HeldColumn
-from identification.trajectory import Trajectory, position_noise
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from identification.trajectory import BoolArray, FloatArray, Trajectory, position_noise
 
 #: The first look at the velocity is smoothed until noise moves its zero crossings by this many
 #: samples at the typical acceleration.

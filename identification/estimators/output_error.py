@@ -20,7 +20,6 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import (
     UNSETTLED,
@@ -38,10 +37,7 @@ from identification.estimators.filters import is_coloured, whiteness
 from identification.estimators.least_squares import Drive, Regression, complete_estimate
 from identification.estimators.motion import Direction, Motion, Path, others, path, terms
 from identification.estimators.signals import HeldColumn, HeldResponse, accumulate_decay
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
-
+from identification.trajectory import FloatArray
 
 #: Intervals whose mean speed is where the search for the start velocity begins.
 _FIRST_LOOK = 10

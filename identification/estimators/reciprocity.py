@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from identification.estimators.joint import JointLog
@@ -19,8 +18,7 @@ from identification.estimators.joint_fits import (
     noise_free_positions,
     solve_rows,
 )
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray
 
 #: Couplings differ where no ratio of this at most fits both, at this level of confidence: what a
 #: few percent of a gain move is less than an axis tells of its own.

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import of_rows
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import ComplexArray, FloatArray
 
 #: Bands of a decade, lines in each at least, and part of the sampling rate up to which they go.
 _BANDS, _LINES, _HIGHEST = 25, 6, 0.25
@@ -30,12 +29,12 @@ class Response:
     """Acceleration per force in bands of frequency, each array of shape (bands,)."""
 
     frequency: FloatArray  # Hz
-    gain: NDArray[np.complex128]  # 1/kg (1/(kg·m²))
+    gain: ComplexArray  # 1/kg (1/(kg·m²))
     force: FloatArray  # rms in each line, any unit
     coherence: FloatArray  # 0 to 1
     half_width: FloatArray  # of 95 % of the gain's size, part of it; radians of its phase
 
-    def rigid(self, values: FloatArray) -> NDArray[np.complex128]:
+    def rigid(self, values: FloatArray) -> ComplexArray:
         """The gain of a mass with damping, values[0] and values[1]."""
         turned = (2j * np.pi * self.frequency).astype(np.complex128)
         return turned / (values[0] * turned + values[1])

@@ -11,13 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.filters import recursive
-from identification.trajectory import LOST, Trajectory, position_noise
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.intp]
+from identification.trajectory import LOST, FloatArray, IndexArray, Trajectory, position_noise
 
 #: A delay this part of a sample beyond whole ones is whole: the rest is rounding of the stamps.
 _HARDLY = 1e-6

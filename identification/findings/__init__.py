@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity
@@ -39,9 +38,7 @@ from identification.findings.forces import (
     unlogged,
 )
 from identification.findings.lost_rows import lost_rows
-from identification.trajectory import NORMAL_95, Motion, Trajectory
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import NORMAL_95, FloatArray, Motion, Trajectory
 
 #: Every code a finding can have; the list is part of the file format and of the command line.
 CODES = (

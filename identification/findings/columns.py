@@ -15,16 +15,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware
 from identification.errors import Finding, InvalidInputError
 from identification.estimators.motion import running_maximum, running_range
 from identification.estimators.signals import LOST, position_noise
 from identification.findings.force_balance import balance_of
-from identification.trajectory import Trajectory, encoder_count, finest_reading
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import (
+    BoolArray,
+    FloatArray,
+    Trajectory,
+    encoder_count,
+    finest_reading,
+)
 
 #: Part of the samples lost above which the force of the others is no longer what acted: ...
 _MOST_LOST = 0.2
@@ -66,7 +69,7 @@ def sampling(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Find
     yield from _uneven(trajectory, steps[~long])
 
 
-def _lost(trajectory: Trajectory, steps: FloatArray, long: NDArray[np.bool_]) -> Iterator[Finding]:
+def _lost(trajectory: Trajectory, steps: FloatArray, long: BoolArray) -> Iterator[Finding]:
     median = trajectory.sample_time
     # Jitter lengthens some steps and shortens others; only what lengthens the log was lost.
     lengthened = round(float(np.sum(steps)) / median) - steps.size
@@ -400,7 +403,7 @@ def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
     )
 
 
-def _jumps(trajectory: Trajectory) -> NDArray[np.bool_]:
+def _jumps(trajectory: Trajectory) -> BoolArray:
     """Which steps of position are the range of a counter."""
     steps = np.diff(trajectory.position)
     # What happens during a gap is unknown, but not a jump.
@@ -461,7 +464,7 @@ def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Fi
         )
 
 
-def _runs_at(force: FloatArray, limit: float, *, switched: bool) -> NDArray[np.bool_]:
+def _runs_at(force: FloatArray, limit: float, *, switched: bool) -> BoolArray:
     """Which samples are in runs of at least _RUN at the limit, without smooth tops.
 
     Plateaus that begin or end by a jump are left out as well if they may be ``switched``.
@@ -522,7 +525,7 @@ def stiction(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Find
     )
 
 
-def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool_]:
+def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> BoolArray:
     """Which of the n - 1 intervals lie in a standstill under a changing force."""
     place, force = trajectory.position, trajectory.force
     stated = None if hardware is None else hardware.encoder_resolution
@@ -535,7 +538,7 @@ def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> NDArray[np.bool
     return covered[:-1] & covered[1:]
 
 
-def standing(trajectory: Trajectory, fine: float) -> tuple[NDArray[np.bool_], int]:
+def standing(trajectory: Trajectory, fine: float) -> tuple[BoolArray, int]:
     """About which samples position stays within its resolution, in m, and about how many each."""
     place = trajectory.position
     # Over spans long enough for the noise of a reading not to count as speed.

@@ -12,13 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import Estimate, Gravity, solve
-from identification.trajectory import Trajectory, position_noise
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
+from identification.trajectory import BoolArray, FloatArray, IndexArray, Trajectory, position_noise
 
 MOST_ROWS = 4096  # rows at most: enough for any finding, and a million samples stay quick
 _FEW_ROWS = 256  # rows used to choose the width
@@ -70,7 +66,7 @@ class ForceBalance:
         return np.stack(columns, axis=1)
 
     @property
-    def moving(self) -> NDArray[np.bool_]:
+    def moving(self) -> BoolArray:
         """Rows in motion, shape (rows,): at rest friction is whatever the force is."""
         return np.abs(self.direction) > _MOVING
 
@@ -94,7 +90,7 @@ class ForceBalance:
         """Force that ``plant`` and more columns, each (rows,), leave over, N, shape (rows,)."""
         return least_squares_residual(np.column_stack((self.plant, *more)), self.force)
 
-    def unlogged(self, standing: NDArray[np.bool_], *more: FloatArray) -> FloatArray:
+    def unlogged(self, standing: BoolArray, *more: FloatArray) -> FloatArray:
         """What ``plant`` and more columns leave over in motion, and at rest beyond friction, N.
 
         Where the device stands, friction is whatever the force is, up to Coulomb's; shape (rows,).
@@ -115,7 +111,7 @@ def least_squares_residual(columns: FloatArray, right: FloatArray) -> FloatArray
     return right - columns @ solve(columns, right)
 
 
-def even_sizes(rows: int, parts: int) -> IntArray:
+def even_sizes(rows: int, parts: int) -> IndexArray:
     """Rows of each of some consecutive parts, as equal as may be, shape (parts,)."""
     return rows // parts + (np.arange(parts) < rows % parts)
 
@@ -175,8 +171,8 @@ def _rows(
     most = min(most, int(_MOST_WEIGHED * trajectory.sample_time / (2 * half_width + delay)))
     count = int(np.clip((last - first) / half_width * 2, _FEWEST, max(most, _FEWEST)))
     middle: FloatArray = np.linspace(min(first, last), last, count, dtype=np.float64)
-    start: IntArray = np.maximum(np.searchsorted(time, middle - half_width - delay) - 1, 0)
-    stop: IntArray = np.searchsorted(time, middle + half_width)
+    start: IndexArray = np.maximum(np.searchsorted(time, middle - half_width - delay) - 1, 0)
+    stop: IndexArray = np.searchsorted(time, middle + half_width)
     longest = min(int(np.max(stop - start)) + 1, time.size - 1)
     start = np.minimum(start, time.size - 1 - longest)
     chunks = np.array_split(np.arange(count), 1 + count * longest // _CHUNK)
@@ -209,7 +205,7 @@ def _rows(
 
 def _weighed(
     trajectory: Trajectory,
-    index: IntArray,
+    index: IndexArray,
     middle: FloatArray,
     half_width: float,
     delay: float,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.estimate import (
@@ -26,10 +25,7 @@ from identification.findings.force_balance import (
     even_sizes,
     least_squares_residual,
 )
-from identification.trajectory import Trajectory, finest_reading
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from identification.trajectory import BoolArray, FloatArray, IndexArray, Trajectory, finest_reading
 
 _POWERS = (1, 2, 3)  # powers of position that stand for any smooth force over the travel
 _PARTS = 4  # parts a log is cut into, each left out in turn
@@ -528,7 +524,7 @@ def inertia_of(balance: ForceBalance) -> _Inertia | None:
     carried, bands = balance.carried[moving], 0
     columns = np.column_stack((acceleration, force, carried))
     left: list[FloatArray] = []
-    rows_used: list[NDArray[np.intp]] = []
+    rows_used: list[IndexArray] = []
     for sense in (1.0, -1.0):
         side = np.flatnonzero(sense * velocity > 0)
         side = side[np.argsort(velocity[side])]
@@ -567,14 +563,14 @@ def inertia_of(balance: ForceBalance) -> _Inertia | None:
     )
 
 
-def _sums(rows: FloatArray | NDArray[np.bool_], sizes: NDArray[np.intp]) -> FloatArray:
+def _sums(rows: FloatArray | BoolArray, sizes: IndexArray) -> FloatArray:
     """Sum of the rows of each band, shape (bands, ...)."""
     if not len(rows):
         return np.zeros((sizes.size, *rows.shape[1:]))
     return np.add.reduceat(rows, np.cumsum(sizes) - sizes, axis=0, dtype=np.float64)
 
 
-def _levelled(columns: FloatArray, velocity: FloatArray, sizes: NDArray[np.intp]) -> FloatArray:
+def _levelled(columns: FloatArray, velocity: FloatArray, sizes: IndexArray) -> FloatArray:
     """Columns less a straight line in velocity in each band, shape (rows, columns)."""
     both = np.column_stack((velocity, columns))
     both = both - np.repeat(_sums(both, sizes) / np.maximum(sizes, 1)[:, None], sizes, axis=0)

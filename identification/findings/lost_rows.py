@@ -13,13 +13,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate
-from identification.trajectory import SHORTEST, Trajectory, encoder_count, position_noise
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import (
+    SHORTEST,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    Trajectory,
+    encoder_count,
+    position_noise,
+)
 
 #: A step is clear if noise moves it, less its neighbours, by this part of them at most, and the
 #: middle two of these differ by the second part at most; rows lost are whole numbers within ...
@@ -180,18 +185,18 @@ def _once(trajectory: Trajectory) -> Restored | None:
     return replace(found, trajectory=_of_rows(trajectory, kept, time[kept]))
 
 
-def _on_both_sides(clear: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _on_both_sides(clear: BoolArray) -> BoolArray:
     """Rows whose step before and step after are clear, shape (n,) of shape (n - 1,)."""
     return np.append(False, clear) & np.append(clear, False)
 
 
-def _of_rows(trajectory: Trajectory, kept: NDArray[np.bool_], time: FloatArray) -> Trajectory:
+def _of_rows(trajectory: Trajectory, kept: BoolArray, time: FloatArray) -> Trajectory:
     """Some rows of a log, with other stamps."""
     columns = {name: column[kept] for name, column in trajectory.columns()}
     return replace(trajectory, **{**columns, "time": time})
 
 
-def _reads(trajectory: Trajectory, noise: float) -> list[tuple[NDArray[np.bool_], FloatArray, int]]:
+def _reads(trajectory: Trajectory, noise: float) -> list[tuple[BoolArray, FloatArray, int]]:
     """What position, force and set-point say, in this order."""
     planned = [each for each in (trajectory.force, trajectory.reference) if each is not None]
     return [
@@ -205,7 +210,7 @@ def _roughness(column: FloatArray) -> float:
     return float(max(np.median(np.abs(np.diff(column, 4))) / 5.64, 1e-12 * np.ptp(column)))
 
 
-def _read(column: FloatArray, noise: float) -> tuple[NDArray[np.bool_], FloatArray, int]:
+def _read(column: FloatArray, noise: float) -> tuple[BoolArray, FloatArray, int]:
     """Which steps are clear, rows lost in each, and how many are too short by a row."""
     steps = np.diff(column)
     near = np.sort(np.lib.stride_tricks.sliding_window_view(steps, 5)[:, (0, 1, 3, 4)], axis=1)
@@ -236,7 +241,7 @@ def _jump_and_step(place: FloatArray, beside: int) -> tuple[FloatArray, FloatArr
     return np.correlate(place, jump), np.correlate(place, step), float(np.sqrt(jump @ jump))
 
 
-def _jumps(place: FloatArray, noise: float, rows: NDArray[np.intp], lost: FloatArray) -> bool:
+def _jumps(place: FloatArray, noise: float, rows: IndexArray, lost: FloatArray) -> bool:
     """Whether position jumps on average where rows seem lost: a force has steps of its own."""
     jump, step, size = _jump_and_step(place, _BESIDE)
     index = np.clip(rows - _BESIDE + 1, 0, jump.size - 1)

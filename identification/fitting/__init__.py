@@ -9,7 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware, SuggestedFacts
 from identification.device.quantities import Quantity
@@ -39,13 +38,11 @@ from identification.estimators.motion import distinguishable_terms
 from identification.findings import contradicts_delay, judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.trajectory import NORMAL_95, Trajectory, encoder_count, most_excited
+from identification.trajectory import NORMAL_95, FloatArray, Trajectory, encoder_count, most_excited
 
 if TYPE_CHECKING:
     from identification.fitting.dynamics import Dynamics
     from identification.fitting.friction_curve import FrictionCurve
-
-FloatArray = NDArray[np.float64]
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.hardware import Hardware, Mode
 from identification.device.quantities import Quantity, quantity
@@ -22,10 +21,7 @@ from identification.estimators.estimate import Estimate, Solution, solve_separab
 from identification.estimators.filters import LowPass, recursive
 from identification.estimators.least_squares import LEAST, LOUD, Regression, prepare
 from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
-from identification.trajectory import NORMAL_95, Trajectory, excited_part
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from identification.trajectory import NORMAL_95, ComplexArray, FloatArray, Trajectory, excited_part
 
 #: Rows looked at; more add time, not truth.
 _LONGEST = 1 << 15

@@ -14,7 +14,6 @@ from functools import cached_property
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.device import Kind, SlopeRange, UnmodelledForce
 from identification.device.quantities import LARGEST
@@ -29,9 +28,7 @@ from identification.fitting.stability_selection import (
     Blocks,
     least_norm,
 )
-from identification.trajectory import NORMAL_95, Trajectory
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import NORMAL_95, FloatArray, Trajectory
 
 #: Widths of the bells of speed, parts of the fastest.
 _BELLS = (0.03, 0.06, 0.12, 0.25)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.device.device import Device, ForceLimit, LogRecord
 from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
@@ -38,12 +37,11 @@ from identification.trajectory import (
     EVEN,
     MOST_FITTED,
     NORMAL_95,
+    FloatArray,
     Trajectories,
     Trajectory,
     refuse_sizes,
 )
-
-FloatArray = NDArray[np.float64]
 
 #: An axis that moves by less than this part of its motion in another log stands in this one.
 _STANDS = 0.05

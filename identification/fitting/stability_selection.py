@@ -19,13 +19,11 @@ from typing import Generic, TypeVar
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.estimators.estimate import UNKNOWN_FORCE, symmetric_inverse, wald
 from identification.estimators.least_squares import Regression
+from identification.trajectory import BoolArray, FloatArray
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Group = TypeVar("Group", bound=Hashable)
 
 #: Size of the anchor's column and answer: dropping it would cost this much squared, more than any

@@ -13,7 +13,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError, UsageError
 from identification.planning.information import DesignGrid, Prediction, predict
@@ -41,8 +40,7 @@ from identification.planning.signals import (
     rounded,
     swept_sines,
 )
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray
 
 _FAMILIES: tuple[tuple[str, Callable[[DesignGrid], list[Shape]]], ...] = (
     ("multisine", multisines),

@@ -36,9 +36,7 @@ from numpy.typing import NDArray
 
 from identification.estimators.estimate import UNKNOWN_FORCE
 from identification.planning.limits import ExcitationSpec, Guess, phi, step_response
-from identification.trajectory import NORMAL_95
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import NORMAL_95, ComplexArray, FloatArray
 
 #: Imaginary step of p, as part of 1/h; nothing is subtracted, so the derivative is exact.
 _RATE_STEP = 1e-30
@@ -55,7 +53,7 @@ class Response:
     acceleration_noise: float = 0.0  # rms of an unknown force per mass, white, held one step, m/s²
 
     @cached_property
-    def _position(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def _position(self) -> tuple[ComplexArray, ComplexArray]:
         delta = complex(self.rate * self.step, _RATE_STEP)
         first, second = phi(delta)
         decay = 1 - delta * first

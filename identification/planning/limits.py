@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from identification.device.device import LIGHTEST, load_device, named_devices
@@ -35,9 +34,7 @@ from identification.device.quantities import (
 from identification.documents import Document, load_document, parse_document, to_mapping
 from identification.errors import InvalidInputError
 from identification.estimators.signals import StepResponse
-from identification.trajectory import MOST_AXES, SHORTEST, Motion
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import MOST_AXES, SHORTEST, FloatArray, Motion
 
 #: Rows of the longest force planned: three minutes at 1 kHz. A simulation steps through all of
 #: them for every device of the guesses.

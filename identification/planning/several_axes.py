@@ -15,7 +15,6 @@ from functools import partial
 from itertools import combinations, pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import InvalidInputError, UsageError
 from identification.estimators.estimate import UNKNOWN_FORCE, symmetric_inverse
@@ -41,9 +40,7 @@ from identification.planning.signals import (
     opposing_force,
     rounded,
 )
-from identification.trajectory import NORMAL_95
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import NORMAL_95, FloatArray, IndexArray
 
 #: Lines of each axis at least: fewer cannot tell damping from friction.
 _FEWEST_LINES = 2
@@ -148,7 +145,7 @@ def plan_axes(
     def used_by(force: FloatArray, devices: DevicesOfAxes) -> Used:
         return Used.of(wanted, force, *_extremes(devices, force, wanted.sample_time), spread)
 
-    def farthest(force: FloatArray) -> NDArray[np.intp]:
+    def farthest(force: FloatArray) -> IndexArray:
         return _farthest(every, force, wanted.sample_time, fastest)
 
     looked_at, force = np.zeros(0, dtype=np.intp), force_at(1.0)
@@ -288,15 +285,13 @@ def _joined(*devices: DevicesOfAxes) -> DevicesOfAxes:
     )
 
 
-def _some(devices: DevicesOfAxes, places: NDArray[np.intp] | slice) -> DevicesOfAxes:
+def _some(devices: DevicesOfAxes, places: IndexArray | slice) -> DevicesOfAxes:
     return DevicesOfAxes(
         **{name: getattr(devices, name)[places] for name in DevicesOfAxes.__slots__}
     )
 
 
-def _farthest(
-    devices: DevicesOfAxes, force: FloatArray, step: float, fastest: float
-) -> NDArray[np.intp]:
+def _farthest(devices: DevicesOfAxes, force: FloatArray, step: float, fastest: float) -> IndexArray:
     """Places of the devices that go farthest, and fastest, at a step that forces, Hz, allow."""
     wide = max(1, int(1 / (_COARSE * fastest * step)))
     rest = -len(force) % wide

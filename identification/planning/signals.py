@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from identification.planning.information import DesignGrid, Response, fade, force_room
 from identification.planning.limits import ExcitationSpec, Used
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray
 
 Family = Literal["multisine", "swept-sine", "binary"]
 _Force = Callable[[FloatArray], FloatArray]  # N (N·m) at any times (s), in their shape

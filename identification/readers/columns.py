@@ -10,13 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from identification.errors import InvalidInputError, QuestionError, UsageError, printable
-from identification.trajectory import Motion
-
-FloatArray = NDArray[np.float64]
+from identification.trajectory import FloatArray, Motion
 
 #: Over five hours at 1 kHz; more tells nothing new of one axis. 160 MB a column.
 MOST_SAMPLES = 20_000_000

@@ -368,7 +368,9 @@ def _draw_correlation(axes: Axes, estimate: Estimate) -> None:
     if residual.size <= _LAGS or not np.any(residual):
         axes.set_axis_off()
         return
-    found = autocorrelation(residual, _LAGS)
+    centred = residual - np.mean(residual)
+    products = [centred[lag:] @ centred[: centred.size - lag] for lag in range(_LAGS + 1)]
+    found = np.array(products) / products[0]
     band = NORMAL_95 / np.sqrt(residual.size)
     axes.axhspan(-band, band, color="0.85", lw=0, label="white noise, 95 %")
     axes.vlines(np.arange(1, _LAGS + 1), 0, found[1:], color="#0072B2", lw=2)
@@ -378,14 +380,6 @@ def _draw_correlation(axes: Axes, estimate: Estimate) -> None:
     axes.set_xlabel(f"lag, samples (residual of {estimate.method})")
     axes.set_ylabel("correlation")
     legend_above(axes)
-
-
-def autocorrelation(column: FloatArray, lags: int) -> FloatArray:
-    """Autocorrelation of a column about its mean at lags 0 to ``lags``, shape (lags + 1,)."""
-    centred = column - np.mean(column)
-    square = float(centred @ centred)
-    products = [float(centred[lag:] @ centred[: centred.size - lag]) for lag in range(lags + 1)]
-    return np.array(products) / square
 
 
 _CLASSES = 10  # classes of speed of which the middle value is drawn, in each direction

@@ -27,12 +27,6 @@ _REFINEMENTS = 8
 _SETTLED = 1e-3
 
 
-def entry_names(axes: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the entries of mass, then of damping: mass_x_x, mass_x_y and so on."""
-    pairs = tuple(combinations_with_replacement(axes, 2))
-    return tuple(f"{name}_{one}_{other}" for name in ("mass", "damping") for one, other in pairs)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointModel:
     """Which unknowns several axes have together."""
@@ -52,15 +46,14 @@ class JointModel:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the unknowns, in the order of every vector and matrix."""
-        return entry_names(self.axes) + self.by_axis
-
-    @property
-    def by_axis(self) -> tuple[str, ...]:
-        """Names of friction and offset of each axis."""
-        named = tuple(zip(self.axes, self.coulomb, strict=True))
-        rough = tuple(f"coulomb_friction_{axis}" for axis, there in named if there)
-        return rough + tuple(f"force_offset_{axis}" for axis in self.axes)
+        """Names of the unknowns, in the order of every vector and matrix: mass_x_x, mass_x_y ..."""
+        pairs = tuple(combinations_with_replacement(self.axes, 2))
+        named = zip(self.axes, self.coulomb, strict=True)
+        return (
+            *(f"{name}_{one}_{other}" for name in ("mass", "damping") for one, other in pairs),
+            *(f"coulomb_friction_{axis}" for axis, there in named if there),
+            *(f"force_offset_{axis}" for axis in self.axes),
+        )
 
     def matrices(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Λ and D from the first of all values."""

@@ -111,11 +111,6 @@ def least_squares_residual(columns: FloatArray, right: FloatArray) -> FloatArray
     return right - columns @ solve(columns, right)
 
 
-def even_sizes(rows: int, parts: int) -> IndexArray:
-    """Rows of each of some consecutive parts, as equal as may be, shape (parts,)."""
-    return rows // parts + (np.arange(parts) < rows % parts)
-
-
 def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> ForceBalance:
     """Rows with the narrowest window that noise of position does not spoil."""
     delay = 0.0 if chosen is None else chosen.delay

@@ -22,7 +22,6 @@ from identification.findings.columns import standing
 from identification.findings.force_balance import (
     ForceBalance,
     balance_at,
-    even_sizes,
     least_squares_residual,
 )
 from identification.trajectory import BoolArray, FloatArray, IndexArray, Trajectory, finest_reading
@@ -528,7 +527,8 @@ def inertia_of(balance: ForceBalance) -> _Inertia | None:
     for sense in (1.0, -1.0):
         side = np.flatnonzero(sense * velocity > 0)
         side = side[np.argsort(velocity[side])]
-        sizes = even_sizes(side.size, max(1, min(_BANDS, side.size // _ROWS)))
+        parts = np.array_split(side, max(1, min(_BANDS, side.size // _ROWS)))
+        sizes = np.array([part.size for part in parts])
         gaining = _sums(sense * acceleration[side] > 0, sizes)
         either = np.minimum(gaining, sizes - gaining)
         tells = (sizes >= _ROWS) & (either >= _EITHER * sizes)

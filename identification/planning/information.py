@@ -145,14 +145,6 @@ class Answer:
     velocity: FloatArray  # m/s (rad/s), shape (n + 1,)
 
 
-def simulate_stick_slip(force: FloatArray, guess: Guess, step: float) -> Answer:
-    """Position and velocity at each sample of a force held in between."""
-    position, velocity = (
-        np.array(each, dtype=np.float64) for each in _trace(force, _numbers(guess), step)
-    )
-    return Answer(position=position, velocity=velocity)
-
-
 def sensitivities(force: FloatArray, guess: Guess, step: float) -> FloatArray:
     """Derivatives of position by m, b, Fc, f0 and the velocity at the start, shape (n + 1, 5).
 
@@ -262,7 +254,7 @@ def predict(
     an estimator that knows the model without any fault. Noise is of one reading, m (rad), and of a
     white force that no log knows, held one sample, N (N·m).
     """
-    motion = simulate_stick_slip(force, guess, step)
+    position, velocity = (np.array(each, float) for each in _trace(force, _numbers(guess), step))
     response = Response(
         rate=guess.rate,
         step=step,
@@ -276,7 +268,7 @@ def predict(
         slopes = _smooth_sensitivities(force, guess, step)
     columns = [*slopes.T, np.ones(force.size + 1)]
     if not delay_known:
-        columns.append(motion.velocity)
+        columns.append(velocity)
     table = np.stack([response.whitened(column) for column in columns], axis=1)
     norms: FloatArray = np.linalg.norm(table, axis=0)
     # A device that static friction holds at first forgets the velocity it started with.
@@ -286,7 +278,9 @@ def predict(
     covariance = (inverse / np.outer(norms, norms))[:2, :2]
     power = float(np.sum((guess.mass * table[:, 0]) ** 2))
     return Prediction(
-        motion=motion, covariance=covariance, doubt=UNKNOWN_FORCE**2 * power * covariance
+        motion=Answer(position=position, velocity=velocity),
+        covariance=covariance,
+        doubt=UNKNOWN_FORCE**2 * power * covariance,
     )
 
 

@@ -517,10 +517,10 @@ def _numbers(
     clock = False
     for role, place in table.places.items():
         column = cells[stored[place]]
-        clock = clock or (role == "time" and _is_clock(column))
-        told = _seconds(column) if clock and role == "time" else column
+        if role == "time" and len(column) and _CLOCK.search(str(column[0])):
+            clock, column = True, _seconds(column)
         name = table.wanted[role]
-        values[role] = _column(path, name, told, table.first + 1, table.decimal)
+        values[role] = _column(path, name, column, table.first + 1, table.decimal)
     return values, clock
 
 
@@ -534,11 +534,6 @@ def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:
         encoding="utf8-lossy",
         **options,
     )
-
-
-def _is_clock(cells: polars.Series) -> bool:
-    """Whether the first cell is a time of day."""
-    return bool(len(cells)) and isinstance(cells[0], str) and _CLOCK.search(cells[0]) is not None
 
 
 def _seconds(cells: polars.Series) -> polars.Series:
@@ -556,14 +551,6 @@ def _seconds(cells: polars.Series) -> polars.Series:
     return told + 86400 * (told.diff() < -43200).fill_null(value=False).cum_sum().cast(pl.Float64)
 
 
-def _as_pointed(cells: Any, decimal: Decimal) -> Any:
-    """Text without spaces around it, and with decimal points, of a polars column or expression."""
-    text = cells.str.strip_chars()
-    if decimal == "point":
-        return text
-    return text.str.replace_all(".", "'", literal=True).str.replace(",", ".", literal=True)
-
-
 def _column(
     path: Path, name: str, cells: polars.Series, first: int, decimal: Decimal
 ) -> FloatArray:
@@ -572,7 +559,9 @@ def _column(
 
     numbers = cells
     if cells.dtype == pl.String:
-        text = _as_pointed(cells, decimal)
+        text = cells.str.strip_chars()
+        if decimal == "comma":
+            text = text.str.replace_all(".", "'", literal=True).str.replace(",", ".", literal=True)
         numbers = text.cast(pl.Float64, strict=False)
         wrong = (numbers.is_null() & text.is_not_null() & (text != "")).fill_null(value=False)
         found = wrong.arg_true()

@@ -131,6 +131,7 @@ def identify(
     if several and trajectories:
         raise UsageError("logs", "are of one axis and of several", "Give one kind at a time")
     _check_request(trajectories or several, hardware, method, allow)
+    hardware = hardware or Hardware()
     if several:
         from identification.fitting.several_axes import fit_axes
 
@@ -253,26 +254,25 @@ def _stored(
         ) from None
 
 
-def _moving(log: Trajectory, logs: Sequence[Trajectory], hardware: Hardware | None) -> Trajectory:
+def _moving(log: Trajectory, logs: Sequence[Trajectory], hardware: Hardware) -> Trajectory:
     """The log with the motion that the hardware, or else another of the logs, states."""
-    stated = [None if hardware is None else hardware.motion, *(each.motion for each in logs)]
+    stated = [hardware.motion, *(each.motion for each in logs)]
     motion = next((each for each in stated if each is not None), None)
     return log if log.motion == motion else replace(log, motion=motion)
 
 
-def _clocked(trajectory: Trajectory, hardware: Hardware | None) -> Trajectory:
+def _clocked(trajectory: Trajectory, hardware: Hardware) -> Trajectory:
     """An even log on the sample time stated; an uneven one with its own stamps."""
-    stated = None if hardware is None else hardware.sample_time
+    stated = hardware.sample_time
     if stated is None or isinstance(trajectory.steps, np.ndarray):
         return trajectory
     return replace(trajectory, time=np.arange(len(trajectory)) * stated.value)
 
 
 def _device_from(
-    fits: Sequence[LogFit], hardware: Hardware | None, records: Sequence[LogRecord]
+    fits: Sequence[LogFit], hardware: Hardware, records: Sequence[LogRecord]
 ) -> Device:
     """The device all logs agree with: values averaged, intervals enveloped, covariance joint."""
-    hardware = hardware or Hardware()
     first = fits[0].trajectory
     springs, weights = (
         [fit for fit in fits if fit.estimate.model.gravity == kind]

@@ -60,7 +60,7 @@ def test_a_clean_log_has_nothing_to_say() -> None:
 def test_a_counter_that_runs_over_names_its_range(period: float) -> None:
     trajectory = plain()
     wrapped = log(trajectory.force, np.mod(trajectory.position, period))
-    (finding,) = inspect(wrapped, None)
+    (finding,) = inspect(wrapped, Hardware())
     assert finding.code == "encoder-wrap"
     assert finding.severity == "refusal"
     stated = float(finding.remedy.split("period=")[1].split(")")[0])
@@ -73,7 +73,7 @@ def test_a_turn_is_called_a_turn() -> None:
     trajectory = Trajectory(
         time=time, force=np.cos(time), position=np.mod(angle, 2 * np.pi), motion="rotary"
     )
-    (finding,) = [each for each in inspect(trajectory, None) if each.code == "encoder-wrap"]
+    (finding,) = [each for each in inspect(trajectory, Hardware()) if each.code == "encoder-wrap"]
     assert "one turn" in finding.seen
 
 
@@ -132,7 +132,7 @@ def test_stamps_that_say_when_a_row_was_written(jitter: float, refuses: bool) ->
     trajectory = plain()
     late = STEP * jitter * np.random.default_rng(7).uniform(0, 1, len(trajectory))
     shaken = log(trajectory.force, trajectory.position, trajectory.time + late)
-    found = [each for each in inspect(shaken, None) if each.code == "jitter"]
+    found = [each for each in inspect(shaken, Hardware()) if each.code == "jitter"]
     assert [each.severity for each in found] == ["refusal" if refuses else "warning"]
 
 
@@ -142,7 +142,7 @@ def test_a_gap_is_judged_by_the_motion_in_it(milliseconds: int, severity: str) -
     keep = np.ones(len(trajectory), dtype=bool)
     keep[4000 : 4000 + milliseconds] = False
     cut = log(trajectory.force[keep], trajectory.position[keep], trajectory.time[keep])
-    found = [each for each in inspect(cut, None) if each.code == "dropped-samples"]
+    found = [each for each in inspect(cut, Hardware()) if each.code == "dropped-samples"]
     assert [each.severity for each in found] == [severity]
 
 
@@ -154,7 +154,7 @@ def test_a_smooth_top_is_no_limit(flat: bool) -> None:
     force = np.clip(force, -0.87, 0.87) if flat else force
     assert np.mean(np.abs(force) >= 0.9999 * np.abs(force).max()) > 0.01
     place = positions(Axis(), force[:, None])[:, 0]
-    found = {each.code for each in inspect(log(force, place), None)}
+    found = {each.code for each in inspect(log(force, place), Hardware())}
     assert ("force-saturated" in found) == flat
 
 
@@ -164,10 +164,10 @@ def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_state
     force = 5 * fade * np.sign(np.sin(2 * np.pi * 1.3 * time) + 0.1)
     square = log(force, positions(Axis(), force[:, None])[:, 0])
 
-    def saturated(hardware: Hardware | None) -> bool:
+    def saturated(hardware: Hardware) -> bool:
         return "force-saturated" in {each.code for each in inspect(square, hardware)}
 
-    assert not saturated(None)
+    assert not saturated(Hardware())
     assert not saturated(Hardware(force_limit=ForceLimit(continuous=6.0, peak=9.0)))
     assert saturated(Hardware(force_limit=ForceLimit(continuous=5.0, peak=5.0)))
 
@@ -175,18 +175,18 @@ def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_state
 @pytest.mark.parametrize("step", [1e-3, 2e-4])
 def test_rows_lost_and_renumbered_are_named(step: float) -> None:
     whole = late_by(0.0, step)
-    assert "lost-rows" not in {each.code for each in inspect(whole, None)}
+    assert "lost-rows" not in {each.code for each in inspect(whole, Hardware())}
     kept = np.random.default_rng(8).random(len(whole)) >= 0.02
     rows = np.count_nonzero(kept)
     torn = log(whole.force[kept], whole.position[kept], step * np.arange(rows, dtype=np.float64))
-    found = [each for each in inspect(torn, None) if each.code == "lost-rows"]
+    found = [each for each in inspect(torn, Hardware()) if each.code == "lost-rows"]
     assert [each.severity for each in found] == ["warning"]
     again = identify(torn, hardware=Hardware(delay=quantity(0.0))).device.mass
     truth = identify(whole, hardware=Hardware(delay=quantity(0.0))).device.mass.value
     assert abs(again.value - truth) < max(again.high - again.low, 0.005 * truth)
     # With their own stamps the same rows are gaps.
     gaps = log(whole.force[kept], whole.position[kept], whole.time[kept])
-    assert {each.code for each in inspect(gaps, None)} == {"dropped-samples"}
+    assert {each.code for each in inspect(gaps, Hardware())} == {"dropped-samples"}
 
 
 @pytest.mark.parametrize("seed", [407, 477])
@@ -196,7 +196,7 @@ def test_noise_that_makes_long_steps_makes_as_many_short_ones_and_loses_no_row(s
     place = positions(replace(Axis(), coulomb=0.0, delay=STEP), force)[:, 0]
     noise = 1e-5 * np.random.default_rng(seed).standard_normal(place.size)
     noisy = log(force[:, 0], place + noise)
-    assert "lost-rows" not in {each.code for each in inspect(noisy, None)}
+    assert "lost-rows" not in {each.code for each in inspect(noisy, Hardware())}
 
 
 @pytest.mark.parametrize("part", [0.02, 0.1])
@@ -219,7 +219,7 @@ def test_a_log_of_a_slower_controller_has_no_row_twice(rows: float) -> None:
     whole = plain()
     seldom = (np.arange(len(whole)) // rows).astype(np.intp)
     for force in (whole.force, whole.force[seldom]):
-        found = inspect(log(force, whole.position[seldom]), None)
+        found = inspect(log(force, whole.position[seldom]), Hardware())
         assert "repeated-rows" not in {each.code for each in found}
 
 
@@ -244,7 +244,7 @@ def test_a_sweep_too_fast_for_cubics_lost_no_row(hertz: float) -> None:
     axis = Axis(mass=1.0, damping=4.0, coulomb=0.3, sample_time=2e-3, delay=2e-3)
     place = positions(axis, force[:, None])[:, 0]
     swept = log(force, counted(place, 1e-6), time)
-    assert "lost-rows" not in {each.code for each in inspect(swept, None)}
+    assert "lost-rows" not in {each.code for each in inspect(swept, Hardware())}
 
 
 @pytest.mark.parametrize("counts", [5.0, 20.0])
@@ -412,7 +412,7 @@ def test_standing_under_a_changing_force() -> None:
         axis = Axis(coulomb=friction)
         push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
         place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
-        assert {each.code for each in inspect(log(force, place), None)} == codes
+        assert {each.code for each in inspect(log(force, place), Hardware())} == codes
 
 
 @pytest.mark.parametrize(

@@ -326,12 +326,11 @@ class SuggestedFacts:
         peak = min(self._largest_force(), LARGEST)
         return ForceLimit(continuous=peak, peak=peak, source="log")
 
-    def not_stated(self, hardware: Hardware | None) -> tuple[Finding, ...]:
+    def not_stated(self, hardware: Hardware) -> tuple[Finding, ...]:
         """``not-stated``: facts that no hardware file states, and what the logs suggest of them.
 
         Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
         """
-        hardware = hardware or Hardware()
         facts: list[str] = []
         if self.logs[0].motion is None:
             # Whether an axis turns cannot be seen: radians and metres are numbers.

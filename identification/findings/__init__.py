@@ -75,7 +75,7 @@ CODES = (
 
 
 def inspect(
-    trajectory: Trajectory, hardware: Hardware | None, *, alone: bool = True
+    trajectory: Trajectory, hardware: Hardware, *, alone: bool = True
 ) -> tuple[Finding, ...]:
     """What can be said before anything is estimated; of one of several axes if not alone."""
     wrapped = tuple(encoder_wrap(trajectory))

@@ -59,7 +59,7 @@ _SAMPLE_TIME_TOLERANCE = 0.01
 _LONGEST_DELAY = 0.1  # a stated delay may be this part of the log
 
 
-def sampling(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def sampling(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """``dropped-samples`` and ``jitter``, ``force-unit`` for time that is not in seconds."""
     steps = np.diff(trajectory.time)
     long = steps > LOST * trajectory.sample_time
@@ -143,9 +143,7 @@ def _false(trajectory: Trajectory) -> bool:
     return by_stamps > _FALSE * by_even
 
 
-def _against_hardware(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
-    if hardware is None:
-        return
+def _against_hardware(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     span = float(trajectory.time[-1] - trajectory.time[0])
     # Hardly a row of a log shorter than many delays feels a force that was logged.
     if hardware.delay is not None and hardware.delay.high > _LONGEST_DELAY * span:
@@ -230,7 +228,7 @@ _PLAUSIBLE = {
 }
 
 
-def units(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def units(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """``force-unit`` as far as it shows before anything is estimated."""
     yield from _whole_numbers(trajectory)
     yield from _against_limit(trajectory, hardware)
@@ -252,9 +250,9 @@ def _whole_numbers(trajectory: Trajectory) -> Iterator[Finding]:
         )
 
 
-def _against_limit(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def _against_limit(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """Force far above what the actuator gives, or so small that it may be volts or amperes."""
-    if hardware is None or hardware.force_limit is None:
+    if hardware.force_limit is None:
         return
     limit, peak = hardware.force_limit, float(np.max(np.abs(trajectory.force)))
     over = peak > _OVER_LIMIT * limit.peak
@@ -280,12 +278,12 @@ def _against_limit(trajectory: Trajectory, hardware: Hardware | None) -> Iterato
     )
 
 
-def _against_count(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def _against_count(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """A count, or a scatter of readings, that is not that of the encoder stated.
 
     Noise or few digits may hide the count; a digit printed may look like one.
     """
-    if hardware is None or hardware.encoder_resolution is None:
+    if hardware.encoder_resolution is None:
         return
     stated, seen = hardware.encoder_resolution.value, encoder_count(trajectory.position)
     likely, sure = "", ""
@@ -349,13 +347,11 @@ def _out_of_reach(trajectory: Trajectory) -> Iterator[Finding]:
 _FEWEST_COUNTS = 100
 
 
-def resolution(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def resolution(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """``few-counts``."""
-    stated = None if hardware is None else hardware.encoder_resolution
-    count = (
-        finest_reading(trajectory.position, trajectory.force) if stated is None else stated.value
-    )
-    travel = float(np.ptp(trajectory.position))
+    stated, place = hardware.encoder_resolution, trajectory.position
+    count = finest_reading(place, trajectory.force) if stated is None else stated.value
+    travel = float(np.ptp(place))
     if travel >= _FEWEST_COUNTS * count:
         return
     yield Finding(
@@ -430,11 +426,11 @@ _SWITCHING_LEVELS = 16
 _SWITCHED = 0.5  # ... and so is a plateau entered or left by this part of it from row to row.
 
 
-def saturation(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def saturation(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """``force-saturated``: long runs at the exact maximum, or more than the hardware can give."""
     size = np.abs(trajectory.force)
     peak = float(size.max())
-    limit = None if hardware is None or hardware.force_limit is None else hardware.force_limit.peak
+    limit = None if hardware.force_limit is None else hardware.force_limit.peak
     if limit is not None and peak > limit * (1 + _AT_LIMIT):
         share = float(np.mean(size > limit * (1 + _AT_LIMIT)))
         yield Finding(
@@ -504,7 +500,7 @@ _DOUBTED_REST = 0.25
 _REFUSED_REST = 0.9
 
 
-def stiction(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Finding]:
+def stiction(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """``stiction``: the device is held, or sticks and slips, under a force that changes."""
     stuck = _stuck(trajectory, hardware)
     share = float(np.mean(stuck))
@@ -525,10 +521,10 @@ def stiction(trajectory: Trajectory, hardware: Hardware | None) -> Iterator[Find
     )
 
 
-def _stuck(trajectory: Trajectory, hardware: Hardware | None) -> BoolArray:
+def _stuck(trajectory: Trajectory, hardware: Hardware) -> BoolArray:
     """Which of the n - 1 intervals lie in a standstill under a changing force."""
     place, force = trajectory.position, trajectory.force
-    stated = None if hardware is None else hardware.encoder_resolution
+    stated = hardware.encoder_resolution
     known = 0.0 if stated is None else stated.value
     still, width = standing(trajectory, max(known, finest_reading(place, force)))
     if not still.any():

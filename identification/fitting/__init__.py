@@ -404,10 +404,10 @@ def suggested_by(fits: Sequence[LogFit]) -> SuggestedFacts:
 
 
 def fit_log(
-    trajectory: Trajectory, hardware: Hardware | None, method: str, *, rigid: bool = False
+    trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool = False
 ) -> LogFit:
     """Estimate mass, damping and friction from one log, of a ``rigid`` device or not."""
-    stated = None if hardware is None else hardware.delay
+    stated = hardware.delay
     part = most_excited(trajectory)
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), ""
     explained = noise_explains(prepared)

@@ -449,7 +449,7 @@ def find_dynamics(
     log: Trajectory,
     whole: Regression,
     late: float,
-    hardware: Hardware | None,
+    hardware: Hardware,
     *,
     least: float,
 ) -> Dynamics | None:
@@ -464,7 +464,7 @@ def find_dynamics(
     residual = force - np.linalg.lstsq(table.columns.T, force)[0] @ table.columns
     before, power = float(residual @ residual), float(force @ force)
     noise = force.size * table.noise_force(late) ** 2
-    given = late if hardware is not None and hardware.delay is not None else None
+    given = None if hardware.delay is None else late
     best: tuple[_Kind, Solution] | None = None
     cost = before
     for make in (_Kind, _Lag, _Load, _Resonance, _Play):
@@ -502,7 +502,7 @@ def _described(
     found: Solution,
     left: float,
     share: float,
-    hardware: Hardware | None,
+    hardware: Hardware,
 ) -> Dynamics:
     count = len(kind.table.columns)
     jacobian = np.concatenate((found.columns, found.slopes))
@@ -526,7 +526,7 @@ def _described(
         doubt=(doubt + doubt.T) / 2,
         left=float(np.sqrt(left)) if isinstance(kind, _Play) else left,
         share=share,
-        findings=(named,) if refused or not _is_stated(told, hardware or Hardware()) else (),
+        findings=(named,) if refused or not _is_stated(told, hardware) else (),
         current_lag=told.current_lag,
         mode=told.mode,
         near_mass=told.near_mass,

@@ -90,12 +90,11 @@ class AxesFit:
     records: tuple[LogRecord, ...]
     findings: tuple[Finding, ...]
 
-    def device(self, hardware: Hardware | None) -> Device:
+    def device(self, hardware: Hardware) -> Device:
         """The device all poses make: mass and damping over every direction, axes at their worst.
 
         Raises ValidationError for numbers that no device has.
         """
-        hardware = hardware or Hardware()
         first, facts = self.poses[0].logs[0], suggested_by(self.logs)
         poses = tuple(_pose(joint.estimate) for joint in self.poses)
         by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
@@ -124,7 +123,7 @@ class AxesFit:
 
 
 def fit_axes(
-    logs: Sequence[Trajectories], hardware: Hardware | None, method: Method, allow: Collection[str]
+    logs: Sequence[Trajectories], hardware: Hardware, method: Method, allow: Collection[str]
 ) -> AxesFit:
     """Estimate the matrices of a device from logs of all its axes, of one pose or several.
 
@@ -135,7 +134,7 @@ def fit_axes(
     if method != "auto" and method not in get_args(JointMethod):
         known = ", ".join(get_args(JointMethod))
         raise UsageError("--method", f"{method} is for one axis", f"Choose from auto, {known}")
-    if hardware is not None and (hardware.modes or hardware.current_lag is not None):
+    if hardware.modes or hardware.current_lag is not None:
         problem = "states modes or a current lag, which are known of one axis only"
         raise UsageError("--hardware", problem, "Leave them out, or identify axis by axis")
     for axis in (each for log in logs for each in log.axes):
@@ -229,7 +228,7 @@ def _of_axis(finding: Finding, axes: Sequence[str], place: int, source: str) -> 
     return replace(finding, remedy=said).of(source)
 
 
-def _inspected(logs: tuple[Trajectories, ...], hardware: Hardware | None) -> tuple[Finding, ...]:
+def _inspected(logs: tuple[Trajectories, ...], hardware: Hardware) -> tuple[Finding, ...]:
     named = [replace(axis, source=_axis_of(axis)) for axis in _driven(logs)]
     return tuple(
         _of_axis(each, logs[0].names, place, axis.source)
@@ -248,9 +247,9 @@ def _driven(logs: Sequence[Trajectories]) -> list[Trajectory]:
     return [logs[place].axes[axis] for axis, place in enumerate(driving_logs(logs))]
 
 
-def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware | None, method: Method) -> _JointFit:
+def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware, method: Method) -> _JointFit:
     """The joint estimate of the logs of a pose, and what each axis shows alone."""
-    known = None if hardware is None else hardware.delay
+    known = hardware.delay
     step = logs[0].axes[0].sample_time
     longest = longest_delay(step, min(len(log) for log in logs))
     if known is None:
@@ -296,7 +295,7 @@ def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware | None, method: M
 
 
 def _fitted_alone(
-    prepared: JointLog, estimate: JointEstimate, hardware: Hardware | None
+    prepared: JointLog, estimate: JointEstimate, hardware: Hardware
 ) -> tuple[LogFit, ...]:
     """What each axis shows alone, its force less what moves the others."""
     found: list[LogFit] = []

@@ -19,9 +19,8 @@ FACTS = ("linear", "0.001", "6e-6", "14", "28")
 
 
 @pytest.fixture(autouse=True)
-def _bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _bench(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with a log of other names than haptune's, and a quick scene."""
-    monkeypatch.chdir(tmp_path)
     rows = LOG.read_text(encoding="utf-8").splitlines()[1:4001]
     text = "\n".join(["stamps,motor,handle", *rows])
     Path("log.csv").write_text(text + "\n", encoding="utf-8")

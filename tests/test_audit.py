@@ -302,9 +302,8 @@ def test_kinds_that_cannot_be_compared_are_refused(profile: SafeProfile) -> None
 
 
 def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
-    profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    profile: SafeProfile, here: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
     Path("worn.yaml").write_text(to_yaml(to_mapping(_device(damping=5.0))), encoding="utf-8")
     ended = haptune("compare", "profile.yaml", "worn.yaml", "--json")
@@ -326,9 +325,8 @@ def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
 
 
 def test_three_verdicts_stand_on_a_page_with_all_years_in_one_picture(
-    profile: SafeProfile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    profile: SafeProfile, here: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
     years: list[str] = []
     for year, damping in ((2024, 10.0), (2025, 12.0), (2026, 15.0)):

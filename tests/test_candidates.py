@@ -110,8 +110,7 @@ def test_a_margin_that_allows_nothing_says_why_and_the_others_stand(
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def here(here: Path) -> None:
     # 14 N over 50 mm (table 1 of the paper): 280 N/m, far below what stability allows.
     text = "elements: {wall: {stiffness: max, penetration: 0.05}}\n"
     Path("scene.yaml").write_text(text, encoding="utf-8")
@@ -198,10 +197,7 @@ def test_a_mode_damped_better_is_one_of_the_rows() -> None:
     _assert_rows_are_tunes(device, SPRING)
 
 
-def test_the_command_shows_the_table_and_its_numbers_in_json(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_command_shows_the_table_and_its_numbers_in_json(here: Path) -> None:
     Path("scene.yaml").write_text(
         "elements: {water: {damping: 10.0}}\nloop: {velocity_filter_hz: 50.0}\n", encoding="utf-8"
     )

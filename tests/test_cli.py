@@ -43,8 +43,7 @@ COMMANDS = {
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(here: Path) -> None:
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
 
 

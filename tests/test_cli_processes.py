@@ -13,8 +13,7 @@ from tests.commands import FLUID
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(here: Path) -> None:
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
 
 

@@ -26,8 +26,7 @@ TABLES = (
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(here: Path) -> None:
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     text = form("excitation", "--device", "homerehab").replace("duration: 10.0", "duration: 2.0")
     Path("excitation.yaml").write_text(text, encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -95,11 +96,10 @@ def test_poses_are_compared_one_by_one_or_all_together(poses: tuple[int, int]) -
     }
 
 
-def test_the_command_names_axes_and_units(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_command_names_axes_and_units(here: Path) -> None:
     new = device([[2.0, 0.6], [0.6, 3.0]], [[8.0, -2.0], [-2.0, 14.0]], (0.5, 0.9))
     for name, each in (("old.yaml", OLD), ("new.yaml", new)):
-        (tmp_path / name).write_text(ident.to_yaml(ident.to_mapping(each), "of a test"), "utf-8")
+        (here / name).write_text(ident.to_yaml(ident.to_mapping(each), "of a test"), "utf-8")
     ended = haptune("compare", "old.yaml", "new.yaml")
     assert "feels different: mass y y 4 → 3 kg" in ended.out
     assert "changed beyond both 95 % intervals: mass y y\n" in ended.out

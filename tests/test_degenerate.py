@@ -14,14 +14,11 @@ from tests.commands import Ended, haptune
 from tests.thinned import thinned
 from tune import load_profile
 
+pytestmark = pytest.mark.usefixtures("here")
+
 FILTERS = "loop: {velocity_filter_hz: 50.0, acceleration_filter_hz: 30.0}\n"
 WALL = "elements: {wall: {stiffness: max}}\n"
 BLOCK = "elements: {block: {stiffness: max, damping: max, mass: max}}\n" + FILTERS
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def _device(**changes: Any) -> Device:

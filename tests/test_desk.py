@@ -126,10 +126,7 @@ def test_a_serial_number_stays_a_string_of_the_style_sheet() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(30))
-def test_thirty_profiles_fit_a_terminal_and_six_pages(
-    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_thirty_profiles_fit_a_terminal_and_six_pages(seed: int, here: Path) -> None:
     draw = np.random.default_rng(seed)
     chosen = draw.permutation(len(KINDS))[: draw.integers(2, 1 + len(KINDS))]
     elements = "".join(f"  thing{k}: {KINDS[k]}\n" for k in chosen)
@@ -145,7 +142,7 @@ def test_thirty_profiles_fit_a_terminal_and_six_pages(
     assert haptune("report", "profile.yaml").code == 0
     if BROWSER is None or shutil.which("pdfinfo") is None:
         pytest.skip("no browser, or no pdfinfo, to count the pages")
-    options = ["--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/u"]
+    options = ["--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={here}/u"]
     options += ["--no-pdf-header-footer", "--print-to-pdf=report.pdf"]
     page = Path("report.html").resolve().as_uri()
     subprocess.run([BROWSER, *options, page], check=True, capture_output=True, timeout=120)

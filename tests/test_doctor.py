@@ -14,8 +14,7 @@ from tests.commands import files, haptune
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _elsewhere(here: Path) -> None:
     for name in ("homerehab.csv", "homerehab.hardware.yaml"):
         shutil.copy(bundled_path(name), name)
 

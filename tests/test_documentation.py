@@ -140,8 +140,7 @@ def test_every_finding_has_its_section_and_its_picture() -> None:
 
 
 @pytest.fixture
-def _at_the_device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _at_the_device(here: Path) -> None:
     shutil.copy(bundled_path("homerehab.csv"), "log.csv")
 
 

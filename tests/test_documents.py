@@ -214,8 +214,7 @@ DEVICES = {
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(here: Path) -> None:
     Path("spring.yaml").write_text(SPRING, encoding="utf-8")
 
 

@@ -316,8 +316,7 @@ def test_drift_that_no_force_can_prevent_is_a_sentence() -> None:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def here(here: Path) -> Path:
     lines = [
         f"{key}: {value}"
         for key, value in (
@@ -325,7 +324,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ).items()
     ]
     Path("excitation.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return tmp_path
+    return here
 
 
 @pytest.mark.usefixtures("here")

@@ -137,11 +137,6 @@ def test_what_cannot_be_planned_is_refused_in_a_sentence() -> None:
         plan_axes(spec(axes=None))
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.mark.usefixtures("here")
 def test_the_command_writes_a_column_an_axis() -> None:
     """A gentle play of what is hardly known, seen in a table and a picture."""

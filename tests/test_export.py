@@ -251,10 +251,9 @@ ALL = {
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def here(here: Path) -> Path:
     Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
-    return tmp_path
+    return here
 
 
 def test_several_targets_are_written_atomically_with_backup_and_difference(here: Path) -> None:

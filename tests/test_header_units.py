@@ -23,13 +23,10 @@ def test_a_linear_axis_needs_a_gain_for_an_angle(tmp_path: Path) -> None:
     assert_is_the_plain_log(log)
 
 
-def test_the_device_and_the_commands_tell_how_a_log_was_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_device_and_the_commands_tell_how_a_log_was_read(here: Path) -> None:
     """A log of a known device in ms, mN and mm with decimal commas gives the same device."""
     from datasets_synthetic import bundled_path, log_text
 
-    monkeypatch.chdir(tmp_path)
     log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 2000))
     Path("plain.csv").write_text(log_text(log), encoding="utf-8")
     lines = ["time [ms];force [mN];pos (mm)"]

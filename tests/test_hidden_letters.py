@@ -123,8 +123,7 @@ def _good(kind: str) -> dict[str, Any]:
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(here: Path) -> None:
     Path("fluid.yaml").write_text(FLUID, encoding="utf-8")
     Path("felt.yaml").write_text(FLUID + "perception: hostile.yaml\n", encoding="utf-8")
     rows = "".join(f"{t:.3f},{f:.6f},{p:.6f}\n" for t, f, p in SAMPLES)

@@ -70,8 +70,7 @@ def test_it_is_named_for_what_it_is(tmp_path: Path, case: str) -> None:
     assert "\n" not in str(found.value)
 
 
-def test_a_command_says_so_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_command_says_so_in_one_line(here: Path) -> None:
     Path("log.csv").write_text(UNITS.replace("s,N,m", "clock,motor,handle"), encoding="utf-8")
     ended = haptune("doctor", "log.csv")
     assert ended.code == 3

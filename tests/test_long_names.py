@@ -19,8 +19,7 @@ def _letters(text: str) -> str:
 
 
 @pytest.mark.parametrize("columns", ["80", "120"])
-def test_no_name_is_cut(columns: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_no_name_is_cut(columns: str, here: Path) -> None:
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     tuned = haptune("tune", "homerehab", "scene.yaml", COLUMNS=columns)
     compared = haptune("compare", "profile.yaml", "profile.yaml", COLUMNS=columns)

@@ -86,11 +86,8 @@ def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:
             check_content(other, "profile.yaml")
 
 
-def test_identify_warns_of_what_tune_refuses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_identify_warns_of_what_tune_refuses(here: Path) -> None:
     """The log of an arm that hangs: gravity is found, the device written, the warning given."""
-    monkeypatch.chdir(tmp_path)
     (log,) = family_named("offset-gravity").logs([0])
     Path("log.csv").write_text(log_text(log), encoding="utf-8")
     Path("hardware.yaml").write_text("motion: rotary\n", encoding="utf-8")
@@ -100,10 +97,7 @@ def test_identify_warns_of_what_tune_refuses(
     assert load_device("device.yaml").gravity is not None
 
 
-def test_commands_end_in_5_and_6(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plain: SafeProfile
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_commands_end_in_5_and_6(here: Path, plain: SafeProfile) -> None:
     device = with_force(**PUSHED)
     Path("device.yaml").write_text(to_yaml(to_mapping(device)), encoding="utf-8")
     Path("scene.yaml").write_text("elements: {wall: {stiffness: 300.0}}\n", encoding="utf-8")

@@ -119,10 +119,7 @@ def _title(figure: Figure) -> str:
     return title
 
 
-def test_a_log_that_is_refused_is_drawn_all_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_log_that_is_refused_is_drawn_all_the_same(here: Path) -> None:
     Path("noise.csv").write_text(log_text(), encoding="utf-8")
     for name, begins in (("a.png", b"\x89PNG"), ("a.SVG", b"<?xml"), ("a.pdf", b"%PDF")):
         assert haptune("doctor", "noise.csv", "--picture", name).code == 4

@@ -306,9 +306,8 @@ def rows_of(log: str) -> np.ndarray:
 
 
 def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
-    players: dict[str, Play], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    players: dict[str, Play], here: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     Path("excitation.yaml").write_text(SPEC, encoding="utf-8")
     assert haptune("excite", "excitation.yaml", "-o", "force.csv").code == 0
     assert haptune("new", "hardware", "--device", "homerehab").code == 0
@@ -454,12 +453,11 @@ _STILL_PYTHON = {
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_program_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str) -> None:
+def test_the_program_itself(here: Path, language: str) -> None:
     """As written it drives nothing and says so; filled in, it plays by the clock of the system."""
-    monkeypatch.chdir(tmp_path)
     assert haptune("new", "player", "--language", language).code == 0
     source = Path("player.c" if language == "c" else "player.py")
-    plan_file(tmp_path, np.sin(np.linspace(0, np.pi, 11)).round(6), 0.05)
+    plan_file(here, np.sin(np.linspace(0, np.pi, 11)).round(6), 0.05)
     limits = ("--force", "2", "--travel", "0.1", "--speed", "1")
 
     def ran(*words: str) -> subprocess.CompletedProcess[str]:

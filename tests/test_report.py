@@ -90,10 +90,9 @@ def test_the_page_needs_no_network_and_says_what_it_is_not() -> None:
 
 
 def test_only_a_profile_that_passes_with_its_own_logs_gets_a_report(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The way from a log to a report, with every picture, is run by the blocks of the guides."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tune.presentation.page._pictures", lambda *_: iter(()))
     text = _profile().to_yaml()
     Path("profile.yaml").write_text(text, encoding="utf-8")

@@ -312,10 +312,7 @@ def test_the_node_of_axes_plays_faces_and_elements(
 
 
 @pytest.mark.parametrize("name", ["9x", "a-b", "/robot//x", "robot/x", ""])
-def test_a_name_that_no_node_can_have_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_name_that_no_node_can_have_is_refused(here: Path, name: str) -> None:
     Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
     ended = haptune("export", "profile.yaml", "--to", "ros2", "--node", name)
     assert ended.code == 2
@@ -597,10 +594,9 @@ def test_files_of_two_profiles_do_not_load_together(
 
 
 def test_the_export_is_a_package_whose_entry_point_plays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Installed from its folder, as colcon does; the node runs on a stand-in of the middleware."""
-    monkeypatch.chdir(tmp_path)
     Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
     assert haptune("export", "profile.yaml", "--to", "ros2").code == 0
     package = ElementTree.parse("haptune_controller/package.xml").getroot()  # noqa: S314 - ours
@@ -609,7 +605,7 @@ def test_the_export_is_a_package_whose_entry_point_plays(
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
     pip += ["--no-build-isolation", "--target", "there", "./haptune_controller"]
     subprocess.run(pip, check=True, capture_output=True)
-    there = tmp_path / "there"
+    there = here / "there"
     index = there / "share" / "ament_index" / "resource_index" / "packages"
     assert (index / "haptune_controller").is_file()
     (found,) = Distribution.discover(name="haptune_controller", path=[str(there)])

@@ -21,8 +21,7 @@ pytestmark = needs_posix
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _folder(here: Path) -> None:
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
     Path("log.csv").write_text("time,force,position\n" + "0,0,0\n" * 300, encoding="utf-8")
 

@@ -42,8 +42,7 @@ SCENE = Scene.model_validate({"elements": {"water": {"damping": 10.0}}})
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(here: Path) -> None:
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
 
 

@@ -14,12 +14,7 @@ from tests.commands import files
 from tests.processes import needs_full_device, redirected
 from tune.cli.session import Session, run_command
 
-pytestmark = needs_full_device
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = [needs_full_device, pytest.mark.usefixtures("here")]
 
 
 @pytest.mark.parametrize("arguments", ["new scene --json", "new scene"])

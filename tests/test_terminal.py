@@ -117,9 +117,8 @@ class _Terminal:
 
 
 @pytest.fixture(autouse=True)
-def _bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _bench(here: Path) -> None:
     """A log whose names tell nothing: milliseconds, amperes of 2 N each, millimetres."""
-    monkeypatch.chdir(tmp_path)
     rows = [
         tuple(map(float, row.split(",")))
         for row in bundled_path("homerehab.csv").read_text("utf-8").splitlines()[1:4001]

@@ -15,6 +15,8 @@ from identification import Hardware, Trajectory, examine, load_device
 from tests.commands import Ended, haptune
 from tune import load_profile
 
+pytestmark = pytest.mark.usefixtures("here")
+
 #: Scenario of a good log of each named device.
 LOGS = {"homerehab": "homerehab", "emps": "emps-open-loop", "stylus": "stylus", "knob": "knob"}
 #: What a message has to name: an option or a key that mends it.
@@ -60,11 +62,6 @@ def _versions(device: str) -> tuple[Mangled, ...]:
 
 
 VERSIONS = tuple(each for device in LOGS for each in _versions(device))
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @cache

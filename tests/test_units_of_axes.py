@@ -62,13 +62,12 @@ def test_a_force_of_one_axis_in_another_unit_is_refused(method: ident.Method, ga
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(here: Path) -> Path:
     """A folder with the bundled log of two axes, y in mm, and its hardware."""
-    monkeypatch.chdir(tmp_path)
     shutil.copy(bundled_path("planar.hardware.yaml"), "hardware.yaml")
     table = np.loadtxt(bundled_path("planar.csv"), delimiter=",", skiprows=1)
     write(table * [1, 1, 1, 1, 1000])
-    return tmp_path
+    return here
 
 
 def write(table: np.ndarray[tuple[int, ...], np.dtype[np.float64]], y: str = "position_y") -> None:

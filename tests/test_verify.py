@@ -339,10 +339,7 @@ def test_rows_that_are_not_those_of_the_loop_are_refused() -> None:
             verify(STYLUS.profile, wrong)
 
 
-def test_the_command_compares_draws_and_ends_with_its_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_command_compares_draws_and_ends_with_its_code(here: Path) -> None:
     bench = Bench(
         **AXIS.truth, start=0.02, elements={"wall": (1000.0, 10.0, 0.0)}, velocity_filter_hz=50.0
     )
@@ -476,10 +473,7 @@ def test_the_cutoffs_that_a_rounded_force_allows_are_stated() -> None:
         assert seen.cutoffs[0].low <= 134.1 <= seen.cutoffs[0].high
 
 
-def test_the_command_says_what_to_play_and_lays_out_what_is_wrong(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_command_says_what_to_play_and_lays_out_what_is_wrong(here: Path) -> None:
     scene = Scene.model_validate({"elements": {"rubber": {"stiffness": 1400.0}}})
     profile = optimise(load_device("homerehab"), scene)
     Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")

@@ -78,10 +78,7 @@ def test_a_spring_that_only_the_device_holds_is_told_to_ask_for_damping_which_he
 
 
 @pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
-def test_the_first_scene_of_a_device_asks_for_what_a_hand_can_tell(
-    device: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_first_scene_of_a_device_asks_for_what_a_hand_can_tell(device: str, here: Path) -> None:
     assert haptune("new", "scene", "--device", device).code == 0
     wanted = load_scene("scene.yaml").elements
     asked = {name: {"damping": wanted[name].damping} for name in ("water", "cup")}
@@ -167,11 +164,8 @@ def test_an_element_that_misses_a_range_is_left_out_as_a_whole() -> None:
 SCENE = "loop: {velocity_filter_hz: 70.0}\nelements: {it: {damping: 10000.0}}\n"
 
 
-def test_a_wanted_value_that_is_not_met_is_said_even_quietly(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wanted_value_that_is_not_met_is_said_even_quietly(here: Path) -> None:
     """28 N at 0.2 m/s are 140 N·s/m."""
-    monkeypatch.chdir(tmp_path)
     Path("scene.yaml").write_text(SCENE, encoding="utf-8")
     quiet = haptune("tune", "homerehab", "scene.yaml", "--quiet")
     assert (quiet.code, quiet.out) == (0, "")

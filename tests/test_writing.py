@@ -17,6 +17,8 @@ from identification import NotWrittenError, write_text
 from tests.commands import files
 from tests.processes import needs_posix
 
+pytestmark = pytest.mark.usefixtures("here")
+
 _SIZE = 20_000
 
 #: Writes versions of one file for ever; a version is one number, many times.
@@ -31,11 +33,6 @@ for k in count(start):
     if k == start:
         print("ready", flush=True)
 """
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def _writer(start: int) -> subprocess.Popen[str]:

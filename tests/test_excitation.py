@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from datasets_synthetic import Faults, Rig, simulate
+from datasets_synthetic import Rig, simulate
 from identification import (
     Device,
     Excitation,
@@ -29,12 +29,10 @@ from identification import (
     to_mapping,
     to_yaml,
 )
-from identification.estimators.estimate import Model
 from identification.planning.information import predict
 from identification.planning.limits import Guess
 from tests.commands import files, form, haptune
 from tests.exact_axis import Axis, counted, positions
-from tests.test_methods import estimate_by
 from tests.thinned import thinned
 
 Array = NDArray[np.float64]
@@ -243,27 +241,6 @@ def test_bound_with_unknown_force_is_that_of_the_dense_covariance() -> None:
         > 5
         * predict(force, Guess(mass=3.0, damping=10.0), step=STEP, noise=plan.reading_noise).mass
     )
-
-
-def obtained(plan: ExcitationSpec, force: Array, logs: int, seed: int = 1000) -> Array:
-    """Half-widths of 95 % of the estimates of mass and damping from simulated logs, shape (2,)."""
-    rig = rig_of(plan, encoder_resolution=plan.encoder_resolution)
-    faults = Faults(position_noise=plan.position_noise)
-    recording = simulate(rig, force, faults=faults, seed=list(range(seed, seed + logs)))
-    model = Model(coulomb=plan.coulomb_friction.value > 0, offset=True)
-    values = [
-        estimate_by("output-error", recording.trajectory(log), model, 0.0).values[:2]
-        for log in range(logs)
-    ]
-    return 1.96 * np.std(values, axis=0, ddof=1)
-
-
-@pytest.mark.long
-def test_predicted_and_obtained_intervals_agree() -> None:
-    plan = planned("homerehab")
-    got = obtained(plan.spec, plan.best.force, logs=250)
-    # 250 logs know a spread to 4.5 %.
-    np.testing.assert_allclose([plan.mass, plan.damping], got, rtol=0.10)
 
 
 def test_families_are_compared_and_the_best_is_played() -> None:

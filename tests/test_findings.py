@@ -105,28 +105,6 @@ def test_a_clock_of_another_unit_is_named_by_its_gain(gain: float) -> None:
     assert f"{1 / gain:.4g} times the sample time" in finding.seen
 
 
-def test_alternating_steps_are_used_as_they_are() -> None:
-    """True stamps of 10 and 12 ms in turn: taken as equal they would shift the mass by a tenth."""
-    stamps = np.cumsum(np.where(np.arange(1200) % 2, 12, 10))
-    rows = np.concatenate(([0], stamps))
-    axis = Axis(coulomb=0.8)
-    slow = multisine(
-        np.random.default_rng(3),
-        samples=int(rows[-1]) + 12,
-        runs=1,
-        axis=axis,
-        lines=(0.2, 0.4, 0.9, 1.6, 2.6),
-    )[:, 0]
-    # The force of a row is held until the next.
-    held = np.repeat(slow[rows], np.diff(rows, append=slow.size))
-    place = counted(positions(axis, held[:, None]), COUNT)[:, 0]
-    uneven = log(slow[rows], place[rows], STEP * rows)
-    findings, found = findings_of(uneven)
-    assert [(each.code, each.severity) for each in findings] == [("jitter", "warning")]
-    assert found is not None
-    assert found.device.mass.value == pytest.approx(3.0, rel=0.01)
-
-
 @pytest.mark.parametrize(("jitter", "refuses"), [(0.03, False), (0.25, True)])
 def test_stamps_that_say_when_a_row_was_written(jitter: float, refuses: bool) -> None:
     trajectory = plain()

@@ -12,7 +12,7 @@ import pytest
 from identification import InvalidInputError
 from tests.exported import changed, tuned
 from tests.guard import Enter, Guard, Push, Reply, built, enter, push
-from tests.guard_program import HIDDEN, REFUSAL, build, compilers, faults_of, plays, sources
+from tests.guard_program import HIDDEN, REFUSAL, build, compilers, faults_of, sources
 from tune import export
 from tune.certificate.check import inconsistent
 from tune.exporters.law import largest_change
@@ -247,10 +247,6 @@ def outcome(
             return "refused", faults_of(folder / "program")
         return "refused", [] if REFUSALS[1] in told else [told]
     return "refused", []
-
-
-def test_there_are_120_faults() -> None:
-    assert len({play.name for play in plays()}) == 120
 
 
 @pytest.mark.parametrize("pair", compilers(), ids=lambda pair: pair[0])

@@ -40,10 +40,10 @@ def clock(samples: int, step: float = T) -> FloatArray:
     return step * np.arange(samples, dtype=np.float64)
 
 
-def step_response(time: FloatArray, mass: float = M, damping: float = B) -> FloatArray:
+def step_response(time: FloatArray) -> FloatArray:
     """Position t after a unit force is switched on; zero before."""
     after = np.maximum(time, 0.0)
-    return (after + mass / damping * np.expm1(-damping / mass * after)) / damping
+    return (after + M / B * np.expm1(-B / M * after)) / B
 
 
 def test_constant_force_matches_the_closed_form() -> None:
@@ -101,12 +101,6 @@ def test_force_turns_a_moving_device_round_inside_a_sample() -> None:
     )
 
 
-def clock_step_response(time: FloatArray) -> FloatArray:
-    """Position t after a unit force is switched on; zero before."""
-    after = np.maximum(time, 0.0)
-    return (after + M / B * np.expm1(-B / M * after)) / B
-
-
 @pytest.mark.parametrize("delay", [0.0, 0.0004, 0.001, 0.0075, 0.012, 0.0271])
 @pytest.mark.parametrize(
     "clock",
@@ -119,7 +113,7 @@ def test_force_acts_from_its_true_stamp_and_delay_on(clock: Clock, delay: float)
     time = recording.time[0]
     changes = np.diff(force, prepend=0.0)
     starts = time + delay
-    expected = clock_step_response(time[:, None] - starts[None, :]) @ changes
+    expected = step_response(time[:, None] - starts[None, :]) @ changes
     np.testing.assert_allclose(
         recording.position[0], expected, rtol=0, atol=2e-9 * np.ptp(expected)
     )

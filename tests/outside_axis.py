@@ -45,6 +45,7 @@ class Axis:
     slips: tuple[tuple[float, float], ...] = ()  # stiffness and limit of each (Maxwell slip)
     load: float = 0.0  # dry friction per force of the motor
     place: Callable[[float], float] | None = None  # force by position that pulls back
+    grade: Callable[[float], float] | None = None  # what damping is multiplied with, by position
     body: Body | None = None
     lag_hz: float = 0.0  # corner of the current loop
 
@@ -125,6 +126,8 @@ def play(axis: Axis, drive: Drive, rng: np.random.Generator) -> Played:  # noqa:
             middle, speed = x + half * v, abs(v)
             side = 1 + axis.asymmetry * ((v > 0) - (v < 0))
             viscous = axis.damping * fade * side + axis.drag * speed
+            if axis.grade is not None:
+                viscous *= axis.grade(middle)
             pull = f + shake[k]
             held = 0.0 if place is None else place(middle)
             pull -= held

@@ -11,7 +11,6 @@ from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, simulate
 from tests.outside_axis import Axis, Body, Drive, play
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog
-from tests.simulated.friction_rigs import friction_of, record
 
 FloatArray = NDArray[np.float64]
 Three = tuple[RawLog, RawLog, RawLog]
@@ -179,14 +178,7 @@ def sticking(seed: int) -> Three:
 
 def dragged(seed: int) -> Three:
     """Drag with the square of speed, of about 1, 8 and 25 % of the force."""
-
-    def log(share: float) -> RawLog:
-        recorded = record(
-            friction_of("quadratic", share), range(seed, seed + 1), servo=False, seconds=6.0
-        )[0].trajectory
-        return RawLog(time=recorded.time, force=recorded.force, position=recorded.position)
-
-    return log(0.01), log(0.08), log(0.25)
+    return outside(seed, *(replace(_AXIS, drag=drag) for drag in (1.5, 12.0, 37.0)))
 
 
 def held(seed: int) -> Three:

@@ -18,7 +18,7 @@ from identification.estimators import ESTIMATORS
 from identification.estimators.estimate import Estimate, Model, spread
 from tests.estimates import estimate_by
 from tests.exact_axis import Axis, counted, multisine, positions
-from tests.simulated.families import family_named
+from tests.simulated.families import FAMILIES
 from tests.thinned import thinned
 
 COUNT = 2e-5
@@ -96,7 +96,7 @@ def test_a_delay_nobody_states_is_fitted(method: str) -> None:
 
 @pytest.mark.parametrize("method", thinned(ESTIMATORS, 2))
 def test_gravity_is_recovered(method: str) -> None:
-    family = family_named("offset-gravity")
+    family = FAMILIES["offset-gravity"]
     found = [
         estimate_by(method, log, Model(coulomb=False, gravity="pendulum"), family.truth["delay"])
         for log in family.logs(SEEDS)
@@ -107,7 +107,7 @@ def test_gravity_is_recovered(method: str) -> None:
 
 @pytest.mark.parametrize("method", thinned(reversed(ESTIMATORS), 1))
 def test_friction_by_direction_is_recovered(method: str) -> None:
-    family = family_named("directional-friction")
+    family = FAMILIES["directional-friction"]
     for log in family.logs(SEEDS):
         found = estimate_by(method, log, Model(directional=True), family.truth["delay"])
         truth = {name: family.truth[name] for name in ("mass", "damping", "coulomb_friction")}
@@ -153,7 +153,7 @@ def test_units_clock_sign_and_origin_do_not_matter(method: str, clock: str, chan
 
 def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
     """In closed loop unlogged force biases least squares; instruments from the reference do not."""
-    family = family_named("closed-loop-force-noise")
+    family = FAMILIES["closed-loop-force-noise"]
     family = replace(family, faults=replace(family.faults, force_noise=3.0))
     model, truth = Model(coulomb=False), family.truth
     found: dict[str, list[float]] = {"least-squares": [], "instruments": []}

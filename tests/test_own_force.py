@@ -10,7 +10,7 @@ import pytest
 from datasets_synthetic import log_text
 from identification import Device, load_device, parse_document, to_mapping, to_yaml
 from tests.commands import haptune
-from tests.simulated.families import family_named
+from tests.simulated.families import FAMILIES
 from tune import (
     CheckFailedError,
     Effects,
@@ -88,7 +88,7 @@ def test_a_spring_of_its_own_is_certified_stated_and_checked() -> None:
 
 def test_identify_warns_of_what_tune_refuses(here: Path) -> None:
     """The log of an arm that hangs: gravity is found, the device written, the warning given."""
-    (log,) = family_named("offset-gravity").logs([0])
+    (log,) = FAMILIES["offset-gravity"].logs([0])
     Path("log.csv").write_text(log_text(log), encoding="utf-8")
     Path("hardware.yaml").write_text("motion: rotary\n", encoding="utf-8")
     ended = haptune("identify", "log.csv", "--hardware", "hardware.yaml", "-o", "device.yaml")

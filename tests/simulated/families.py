@@ -1,4 +1,4 @@
-"""The ten families on which estimators are measured, and three poses of one axis.
+"""The ten families on which estimators are measured.
 
 The device is one like HomeRehab, 3 kg and 10 N·s/m at 1 kHz and one sample of delay, unless another
 shows the imperfection better. Excitations are short and small, and noise is large beside them, so
@@ -7,7 +7,7 @@ that 95 % intervals of mass and damping are between about 0.01 and 10 %.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -15,11 +15,8 @@ from types import MappingProxyType
 import numpy as np
 
 from datasets_synthetic import Clock, Faults, Hand, Rig, Servo, fit_to_limits, multisine, simulate
-from identification import Hardware, InvalidInputError, Trajectory
+from identification import Hardware
 from tests.simulated.family import Drive, Family
-
-#: Masses of the poses of ``poses`` over the mass of their family.
-POSE_FACTORS = (0.95, 1.0, 1.05)
 
 _COUNT = 2e-5  # m
 #: Of the size of a count: quantisation is white, of variance count²/12.
@@ -102,15 +99,13 @@ def _once(drive: Callable[[], Drive]) -> Callable[[], Drive]:
 _ALL = (
     Family(
         name="open-loop-white",
-        description="White noise of one count on the position, in open loop.",
         rig=_DEVICE,
         drive=_once(lambda: _open_loop(_DEVICE, 4000, 0.005)),
         faults=_NOISE,
     ),
+    # The start differs within a count; a vibration of a twentieth of one is all the noise.
     Family(
         name="encoder-only",
-        description="An encoder of 50 micrometres, which is stated; the start differs within a "
-        "count and a vibration of a twentieth of one is all the noise.",
         rig=_COARSE,
         drive=_once(lambda: _open_loop(_COARSE, 4000, 0.015)),
         faults=Faults(position_noise=2.5e-6, start_spread=2.5e-5),
@@ -118,15 +113,13 @@ _ALL = (
     ),
     Family(
         name="closed-loop-measurement-noise",
-        description="A servo whose force carries the noise of its encoder, 30 micrometres rms.",
         rig=_DEVICE,
         drive=_once(lambda: _following(_DEVICE, 4000, 0.03)),
         faults=Faults(position_noise=3e-5),
     ),
+    # Neither the force's noise nor the tremor is logged.
     Family(
         name="closed-loop-force-noise",
-        description="A servo disturbed by 0.2 N of white force and by 0.2 N of hand tremor, "
-        "neither logged.",
         rig=_FINE,
         drive=_once(lambda: _following(_FINE, 4000, 0.03)),
         faults=Faults(position_noise=3e-6, force_noise=0.2),
@@ -134,22 +127,18 @@ _ALL = (
     ),
     Family(
         name="coulomb",
-        description="0.8 N of Coulomb friction and white noise, in open loop.",
         rig=_RUBBING,
         drive=_once(lambda: _open_loop(_RUBBING, 4000, 0.01)),
         faults=_NOISE,
     ),
     Family(
         name="directional-friction",
-        description="Damping 12 and 8 N·s/m, Coulomb friction 1.0 and 0.6 N by direction.",
         rig=_DIRECTIONAL,
         drive=_once(lambda: _open_loop(_DIRECTIONAL, 4000, 0.04)),
         faults=_NOISE,
     ),
     Family(
         name="alternating-steps",
-        description="Sampled and held at steps of 10 and 12 ms in turn; the delay, none, is "
-        "stated.",
         rig=_SLOW,
         drive=_once(lambda: _open_loop(_SLOW, 910, 0.02)),
         faults=_NOISE,
@@ -158,7 +147,6 @@ _ALL = (
     ),
     Family(
         name="dropped-samples",
-        description="3 % of the rows lost from the log, at random.",
         rig=_DEVICE,
         drive=_once(lambda: _open_loop(_DEVICE, 4000, 0.01)),
         faults=_NOISE,
@@ -166,14 +154,12 @@ _ALL = (
     ),
     Family(
         name="fractional-delay",
-        description="A delay of 0.4 samples.",
         rig=_PROMPT,
         drive=_once(lambda: _open_loop(_PROMPT, 4000, 0.01)),
         faults=_NOISE,
     ),
     Family(
         name="offset-gravity",
-        description="An arm with gravity and a force offset, swung through more than a radian.",
         rig=_ARM,
         drive=_once(lambda: _swung(6000)),
         faults=Faults(position_noise=1e-3),
@@ -182,27 +168,3 @@ _ALL = (
 
 #: Every family, in the order to show them.
 FAMILIES: Mapping[str, Family] = MappingProxyType({each.name: each for each in _ALL})
-
-
-def family_named(name: str) -> Family:
-    """The family of that name. Raises InvalidInputError with the names there are."""
-    if name not in FAMILIES:
-        raise InvalidInputError(name, "is not a family", f"Families: {', '.join(FAMILIES)}")
-    return FAMILIES[name]
-
-
-def poses(seed: int) -> tuple[Trajectory, ...]:
-    """Three logs of one axis in three poses, whose masses are 0.95, 1 and 1.05 times 3 kg."""
-    return pose_logs((seed,))[0]
-
-
-def pose_logs(seeds: Sequence[int]) -> list[tuple[Trajectory, ...]]:
-    """``poses`` of every seed, in three simulations a few hundred seeds."""
-    family = FAMILIES["open-loop-white"]
-    by_pose = [
-        replace(family, rig=replace(family.rig, mass=factor * family.rig.mass)).logs(
-            [len(POSE_FACTORS) * seed + pose for seed in seeds]
-        )
-        for pose, factor in enumerate(POSE_FACTORS)
-    ]
-    return list(zip(*by_pose, strict=True))

@@ -54,18 +54,16 @@ class Family:
 
     Attributes:
         name: of the family.
-        description: one sentence.
         rig: the true device, one member.
         drive: computes what moves it.
         faults: noise.
         hand: on the device, or None.
         clock: uneven stamps and lost rows, or None.
         hardware: what would be stated of the device beside its log, or None. The delay is not
-            stated unless the description says so.
+            stated unless the family is about it.
     """
 
     name: str
-    description: str
     rig: Rig
     drive: Callable[[], Drive]
     faults: Faults = field(default_factory=Faults)

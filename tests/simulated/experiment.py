@@ -40,12 +40,10 @@ class Limit:
     Attributes:
         low: the largest gain tried below which, and at which, every push died out.
         high: the smallest gain tried at which a push lasted; inf if none did.
-        duration: of the last trials, s.
     """
 
     low: FloatArray
     high: FloatArray
-    duration: FloatArray
 
     @property
     def middle(self) -> FloatArray:
@@ -66,9 +64,7 @@ def limit_by_experiment(
     raised: tuple[EffectName, ...] = EFFECTS,
     between: tuple[float, float] | tuple[FloatArray, FloatArray],
     hand: Hand | None = None,
-    force: float | FloatArray = 0.0,
-    speed: float | FloatArray | None = None,
-    position: float | FloatArray = 0.0,
+    speed: float | None = None,
     samples: int = 4000,
     trials: int = 20,
     rounds: int = 3,
@@ -81,11 +77,6 @@ def limit_by_experiment(
     oscillation that the force limit bounds does too. Speeds of a few counts a sample do not count,
     so that what an encoder sustains is not taken for growth; motion that is not finite does.
 
-    What the verdict of a real device is worth, against that of its linear loop: Coulomb friction
-    makes the limit look higher, the more the slower the push; a force limit likewise, the more the
-    faster the push; an encoder makes it look lower, by a percent or so; a one-sided wall makes it
-    look higher where the push leaves the wall, for the flight takes energy.
-
     Args:
         rig: the devices.
         controller: effects; one gain multiplies those that are raised, the others stay.
@@ -93,10 +84,8 @@ def limit_by_experiment(
         between: gains to look between, numbers or shape (batch,); below the lower one if a push
             lasts there already.
         hand: on the handle, or None.
-        force: constant push of a hand, N (N·m), a number or shape (batch,).
-        speed: of the push, m/s (rad/s), a number or shape (batch,); None for a hundred counts a
-            sample, or one if the reading is exact.
-        position: where the push starts, m (rad).
+        speed: of the push, m/s (rad/s); None for a hundred counts a sample, or one if the reading
+            is exact.
         samples: of each run; the envelope is steady to 1e-3 if its oscillation turns ten times in
             a quarter of them.
         trials: gains tried at once.
@@ -109,61 +98,38 @@ def limit_by_experiment(
     hand = hand or Hand()
     batch = max(rig.batch, controller.size(), *hand.sizes(), np.size(between[0]))
     low, high = per_member(between[0], batch), per_member(between[1], batch)
-    if not np.all((low > 0) & (high > low)):
-        raise ValueError(f"gains to look between must be positive and rising, not {between}")
+    counts = _COUNTS * rig.encoder_resolution / rig.sample_time
+    pushed = np.where(counts > 0, counts, 1.0) if speed is None else speed
     which = np.repeat(np.arange(batch), trials)
-    bench = _Bench(
-        rig=_of(rig, which),
-        controller=controller.members(which),
-        raised=raised,
-        hand=hand.members(which),
-        force=per_member(force, batch)[which],
-        speed=_speed(rig, speed, batch)[which],
-        position=per_member(position, batch)[which],
-    )
+    rigs = rig.members(which if rig.batch > 1 else np.zeros_like(which))
+    law, hands, start = controller.members(which), hand.members(which), per_member(pushed, batch)
+
+    def lasts(gains: FloatArray, length: int) -> BoolArray:
+        """Whether a push lasts at each gain, shape (batch, trials)."""
+        multiplied = {name: gains.ravel() * getattr(law, name) for name in raised}
+        recording = simulate(
+            rigs,
+            np.zeros(length),
+            controller=replace(law, **multiplied),
+            hand=hands,
+            velocity=start[which],
+        )
+        return lasting(recording.position, rigs.encoder_resolution).reshape(batch, trials)
+
     step = np.arange(trials) / (trials - 1)
     gains = low[:, None] * (high / low)[:, None] ** step
     below, above = np.zeros(batch), np.full(batch, np.inf)
     for turn in range(rounds):
-        length = round(samples * _FIRST_LOOK) if turn == 0 else samples
-        lasts = bench.lasts(gains.ravel(), length).reshape(batch, trials)
+        found = lasts(gains, round(samples * _FIRST_LOOK) if turn == 0 else samples)
         edges = np.column_stack([below, gains, above])
-        first = np.where(lasts.any(axis=1), np.argmax(lasts, axis=1), trials)
+        first = np.where(found.any(axis=1), np.argmax(found, axis=1), trials)
         rows = np.arange(batch, dtype=np.intp)
         if turn > 0:
             rows = np.flatnonzero(np.isfinite(above))  # elsewhere there is nothing to divide
         below[rows], above[rows] = edges[rows, first[rows]], edges[rows, first[rows] + 1]
         top = np.where(np.isinf(above), below, above)
         gains = below[:, None] + (top - below)[:, None] * (np.arange(trials) + 1) / (trials + 1)
-    duration = samples * per_member(rig.sample_time, batch)
-    return Limit(low=below, high=above, duration=duration)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Bench:
-    """Everything of a run but the gain; one member a trial."""
-
-    rig: Rig
-    controller: Controller
-    raised: tuple[EffectName, ...]
-    hand: Hand
-    force: FloatArray
-    speed: FloatArray
-    position: FloatArray
-
-    def lasts(self, gains: FloatArray, samples: int) -> BoolArray:
-        """Whether a push lasts at each gain, shape (trials,)."""
-        multiplied = {name: gains * getattr(self.controller, name) for name in self.raised}
-        recording = simulate(
-            self.rig,
-            np.zeros(samples),
-            controller=replace(self.controller, **multiplied),
-            hand=self.hand,
-            position=self.position,
-            velocity=self.speed,
-            push=np.broadcast_to(self.force[:, None], (gains.size, samples)),
-        )
-        return lasting(recording.position, self.rig.encoder_resolution)
+    return Limit(low=below, high=above)
 
 
 def lasting(position: FloatArray, resolution: FloatArray) -> BoolArray:
@@ -178,14 +144,3 @@ def lasting(position: FloatArray, resolution: FloatArray) -> BoolArray:
         )
         floor = _NOISE * resolution + _ROUNDING * np.max(np.abs(position), axis=1)
         return ~np.isfinite(late) | ((late > (1 - _STEADY) * early) & (late > floor))
-
-
-def _speed(rig: Rig, speed: float | FloatArray | None, batch: int) -> FloatArray:
-    if speed is not None:
-        return per_member(speed, batch)
-    counts = _COUNTS * rig.encoder_resolution / rig.sample_time
-    return per_member(np.where(counts > 0, counts, 1.0), batch)
-
-
-def _of(rig: Rig, which: NDArray[np.intp]) -> Rig:
-    return rig.members(which if rig.batch > 1 else np.zeros_like(which))

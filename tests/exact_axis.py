@@ -138,3 +138,35 @@ def multisine(
 def counted(position: Array, count: float | Array) -> Array:
     """What an encoder of this resolution reads."""
     return np.round(position / count) * count
+
+
+def fleet(runs: int, seed: int, seconds: float = 8.0) -> tuple[Axis, Array, Array, Array]:
+    """Devices of every size in one simulation: truth, forces and positions logged, and counts.
+
+    50 g to 20 kg, 30 ms to 5 s of time constant, one sample time and delay of 0 to 2 samples; half
+    of them with Coulomb friction and unlogged force.
+    """
+    generator = np.random.default_rng(seed)
+    step = float(generator.choice([5e-4, 1e-3, 2e-3]))
+    mass = 10 ** generator.uniform(np.log10(0.05), np.log10(20), runs)
+    damping = mass * 10 ** generator.uniform(-0.7, 1.5, runs)
+    plain = Axis(mass=mass, damping=damping, sample_time=step)
+    samples = int(seconds / step)
+    force = multisine(generator, samples=samples, runs=runs, axis=plain, travel=0.04, peak=1e9)
+    size = force.std(axis=0)
+    rubs = generator.integers(0, 2, runs)
+    axis = Axis(
+        mass=mass,
+        damping=damping,
+        coulomb=rubs * size * generator.uniform(0, 0.3, runs),
+        offset=size * generator.normal(0, 0.02, runs),
+        sample_time=step,
+        delay=step * float(generator.integers(0, 3)),
+    )
+    force = force + axis.offset
+    push = rubs * size * 1e-3 * generator.standard_normal(force.shape)
+    place, counts = (
+        positions(axis, force, disturbance=push),
+        10 ** generator.uniform(-6.3, -4.5, runs),
+    )
+    return axis, force, counted(place, counts), counts

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from datasets_synthetic import Faults, Recording
 from identification import (
-    Device,
     ForceLimit,
     Hardware,
     LogRefusedError,
@@ -17,27 +15,10 @@ from identification import (
     identify,
     quantity,
 )
-from tests.simulated.fleet import Fleet, random_devices
+from tests.exact_axis import fleet
 from tests.thinned import thinned
 from tests.true_loops import judged
 from tune import NoFeasibleEffectError, Scene, optimise
-
-
-def data_sheet(fleet: Fleet, member: int) -> Hardware:
-    """What a data sheet would say; a force limit so large that stability is what binds."""
-    rig = fleet.rig
-    return Hardware(
-        motion="linear",
-        sample_time=quantity(float(rig.sample_time[member])),
-        delay=quantity(float(rig.delay[member])),
-        encoder_resolution=quantity(float(rig.encoder_resolution[member])),
-        force_limit=ForceLimit(continuous=1e6, peak=1e6),
-    )
-
-
-def log_of(recording: Recording, member: int) -> Trajectory:
-    """One log, said to be in newtons: the limit of the data sheet is larger than any of them."""
-    return replace(recording.trajectory(member), stated_units=frozenset({"force"}))
 
 
 def _scene(elements: dict[str, dict[str, str]], *together: list[str]) -> Scene:
@@ -74,37 +55,37 @@ ONE_BY_ONE = (
 
 
 def _calibrate(
-    count: int,
-    seed: int,
-    *scenes: Scene,
-    samples: int = 10_000,
-    taken: int | None = None,
+    count: int, seed: int, *scenes: Scene, seconds: float = 8.0, taken: int | None = None
 ) -> Counter[str]:
     """Devices calibrated from their logs, scenes in turn."""
     tally: Counter[str] = Counter()
-    fleet = random_devices(count, seed, samples=samples)
-    # Force noise of a thousandth of the peak and half a count of measurement noise.
-    recording = fleet.logs(faults=Faults(position_noise=1e-6, force_noise=1e-3), seed=seed)
+    axis, force, place, counts = fleet(count, seed, seconds)
+    T, delay = axis.sample_time, axis.delay
     for member in range(count if taken is None else taken):
+        log = Trajectory(
+            time=np.arange(len(force)) * np.float64(T),
+            force=force[:, member],
+            position=place[:, member],
+            # The limit of the data sheet is larger than any force.
+            stated_units=frozenset({"force"}),
+        )
+        sheet = Hardware(
+            motion="linear",
+            sample_time=quantity(T),
+            delay=quantity(delay),
+            encoder_resolution=quantity(float(counts[member])),
+            force_limit=ForceLimit(continuous=1e6, peak=1e6),
+        )
         try:
-            log, hardware = log_of(recording, member), data_sheet(fleet, member)
-            found = identify(log, hardware=hardware)
+            profile = optimise(identify(log, hardware=sheet).device, scenes[member % len(scenes)])
         except LogRefusedError as error:
             tally["refused: " + error.findings[0].code] += 1
-            continue
-        tally += _tuned(found.device, scenes[member % len(scenes)], fleet, member)
-    return tally
-
-
-def _tuned(device: Device, scene: Scene, fleet: Fleet, member: int) -> Counter[str]:
-    try:
-        profile = optimise(device, scene)
-    except NoFeasibleEffectError:
-        return Counter({"nothing feasible": 1})
-    rig = fleet.rig
-    m, b, T = (float(x[member]) for x in (rig.mass, rig.damping, rig.sample_time))
-    tally = Counter(profiles=1)
-    tally[judged(profile, (m, b, T), round(float(rig.delay[member]) / T))] += 1
+        except NoFeasibleEffectError:
+            tally["nothing feasible"] += 1
+        else:
+            m, b = (float(np.asarray(each)[member]) for each in (axis.mass, axis.damping))
+            tally["profiles"] += 1
+            tally[judged(profile, (m, b, T), round(delay / T))] += 1
     return tally
 
 
@@ -118,7 +99,7 @@ def test_true_devices_are_stable_with_their_profiles(taken: int) -> None:
 @pytest.mark.parametrize("seed", range(1, 101))
 def test_ten_thousand_true_devices_are_stable_with_their_profiles(seed: int) -> None:
     """A hundred of them: none unstable; of 10 000 at most ten short of what is claimed."""
-    tally = _calibrate(100, seed, *ONE_BY_ONE, samples=5000)
+    tally = _calibrate(100, seed, *ONE_BY_ONE, seconds=5.0)
     print(dict(tally))
     assert tally["unstable"] == 0, tally
     assert tally["short of what is claimed"] <= 1, tally

@@ -30,7 +30,7 @@ from identification import (
 )
 from identification.estimators import ESTIMATORS
 from identification.findings import CODES
-from tests.exact_axis import Axis, closed_loop, counted, multisine, positions
+from tests.exact_axis import Axis, closed_loop, counted, fleet, multisine, positions
 from tests.simulated.families import FAMILIES
 from tests.thinned import thinned
 
@@ -135,34 +135,8 @@ def test_coverage(coulomb: float, disturbance: float, noise: float, method: Meth
     assert np.all(np.mean([holds(each, truth) for each in found], axis=0) >= 0.93)
 
 
-def fleet(runs: int, seed: int) -> tuple[Axis, Array, Array]:
-    """Devices of every size in one simulation, with the forces and the positions logged."""
-    generator = np.random.default_rng(seed)
-    step = float(generator.choice([5e-4, 1e-3, 2e-3]))
-    mass = 10 ** generator.uniform(np.log10(0.05), np.log10(20), runs)
-    damping = mass * 10 ** generator.uniform(-0.7, 1.5, runs)
-    plain = Axis(mass=mass, damping=damping, sample_time=step)
-    force = multisine(
-        generator, samples=int(8 / step), runs=runs, axis=plain, travel=0.04, peak=1e9
-    )
-    size = force.std(axis=0)
-    rubs = generator.integers(0, 2, runs)
-    axis = Axis(
-        mass=mass,
-        damping=damping,
-        coulomb=rubs * size * generator.uniform(0, 0.3, runs),
-        offset=size * generator.normal(0, 0.02, runs),
-        sample_time=step,
-        delay=step * float(generator.integers(0, 3)),
-    )
-    force = force + axis.offset
-    push = rubs * size * 1e-3 * generator.standard_normal(force.shape)
-    place = positions(axis, force, disturbance=push)
-    return axis, force, counted(place, 10 ** generator.uniform(-6.3, -4.5, runs))
-
-
 def check_fleet(runs: int, seed: int) -> None:
-    axis, force, place = fleet(runs, seed)
+    axis, force, place, _ = fleet(runs, seed)
     mass, damping = np.asarray(axis.mass), np.asarray(axis.damping)
     for i in range(runs):
         trajectory = log(force[:, i], place[:, i], axis.sample_time)

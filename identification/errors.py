@@ -42,6 +42,13 @@ class Finding:
         return f"{self.code}: {self.seen}; needed: {self.needed}. {self.remedy}"
 
 
+def refusal(
+    code: str, *, seen: str, needed: str, remedy: str, at: tuple[tuple[float, float], ...] = ()
+) -> Finding:
+    """A finding that refuses a log, whatever else is said of it."""
+    return Finding(code=code, severity="refusal", seen=seen, needed=needed, remedy=remedy, at=at)
+
+
 class IdentificationError(Exception):
     """Base of every error this package raises on purpose."""
 

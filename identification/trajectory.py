@@ -10,7 +10,13 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError
+from identification.errors import (
+    Finding,
+    InvalidInputError,
+    LogRefusedError,
+    UsageError,
+    refusal,
+)
 
 _Answer = TypeVar("_Answer")
 Motion = Literal["linear", "rotary"]
@@ -242,22 +248,18 @@ def _printed_digit(time: FloatArray, step: float) -> float:
 
 def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
     """Everything that makes the numbers unusable whatever the estimator."""
-
-    def refusal(code: str, seen: str, needed: str, remedy: str) -> Finding:
-        return Finding(code=code, severity="refusal", seen=seen, needed=needed, remedy=remedy)
-
     count, source = len(trajectory), trajectory.source
     if count < SHORTEST:
-        seen = f"{source} has {count} samples"
-        return (refusal("too-short", seen, f"at least {SHORTEST}", "Log for longer."),)
+        seen, needed = f"{source} has {count} samples", f"at least {SHORTEST}"
+        return (refusal("too-short", seen=seen, needed=needed, remedy="Log for longer."),)
     bad = {name: np.flatnonzero(~np.isfinite(column)) for name, column in trajectory.columns()}
     findings = [
         refusal(
             "non-finite",
-            f"{rows.size} of {count} values of {name} in {source} are "
+            seen=f"{rows.size} of {count} values of {name} in {source} are "
             f"missing or infinite, the first in sample {rows[0]}",
-            "a finite number in every row",
-            "Export the log again, or cut it to the part that is whole.",
+            needed="a finite number in every row",
+            remedy="Export the log again, or cut it to the part that is whole.",
         )
         for name, rows in bad.items()
         if rows.size
@@ -271,18 +273,18 @@ def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
         findings.append(
             refusal(
                 "clock-backward",
-                f"time does not increase at {backward.size} of {count - 1} steps of {source}, "
+                seen=f"time does not increase at {backward.size} of {count - 1} steps of {source}, "
                 f"first from {time[first]:g} s to {time[first + 1]:g} s",
-                "strictly increasing time in seconds",
-                "Log a monotonic clock, or export with more digits of time.",
+                needed="strictly increasing time in seconds",
+                remedy="Log a monotonic clock, or export with more digits of time.",
             )
         )
     findings.extend(
         refusal(
             "constant-column",
-            f"{name} in {source} is {column[0] + 0.0:g} in every row",
-            "a column that varies",
-            f"Name the right column with --{name}, or drive the device while logging.",
+            seen=f"{name} in {source} is {column[0] + 0.0:g} in every row",
+            needed="a column that varies",
+            remedy=f"Name the right column with --{name}, or drive the device while logging.",
         )
         for name, column in trajectory.columns()
         if name in {"force", "position"} and np.ptp(column) == 0 and not trajectory.may_stand

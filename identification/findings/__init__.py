@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity
-from identification.errors import Finding
+from identification.errors import Finding, refusal
 from identification.estimators.estimate import Estimate, half_width, quantile, solve, unit_columns
 from identification.estimators.least_squares import Delay, longest_delay
 from identification.findings.columns import (
@@ -188,9 +188,8 @@ def causality(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -
     if positive and damping + damping_spread >= 0:
         return
     if mass + mass_spread < 0 and damping - damping_spread <= 0:
-        yield Finding(
-            code="sign-flip",
-            severity="refusal",
+        yield refusal(
+            "sign-flip",
             seen=seen,
             needed="positive mass; with the force negated both become positive",
             remedy="Give --force-gain the other sign, force being positive along +position: -1 "
@@ -235,9 +234,8 @@ def _controller(trajectory: Trajectory, balance: ForceBalance) -> str:
 
 
 def _controller_finding(seen: str, needed: str) -> Finding:
-    return Finding(
-        code="controller-identified",
-        severity="refusal",
+    return refusal(
+        "controller-identified",
         seen=seen,
         needed=needed,
         remedy="Log a force that is planned, or the set-point too (--reference): force computed "
@@ -294,9 +292,8 @@ def excitation(
     alike = inflation["mass"] > _LARGEST_INFLATION
     mass_known = not alike and spread <= _WIDEST_MASS * abs(mass)
     if not mass_known:
-        yield Finding(
-            code="not-exciting-mass",
-            severity="refusal",
+        yield refusal(
+            "not-exciting-mass",
             seen=seen("mass", spread),
             needed=f"an interval within {_WIDEST_MASS:.0%}",
             remedy="Excite with fast motion too: accelerate as hard as force and travel allow.",
@@ -403,9 +400,8 @@ def mass_unit(trajectory: Trajectory, mass: float) -> Iterator[Finding]:
     if low <= mass <= high or mass <= 0:
         return
     unit = _MASS_UNIT[trajectory.motion]
-    yield Finding(
-        code="force-unit",
-        severity="refusal",
+    yield refusal(
+        "force-unit",
         seen=f"{trajectory.source} gives a mass of {mass:.3g} {unit}",
         needed=f"{low:g} to {high:g} {unit}, which handles and axes have",
         remedy="Give what one unit of each column is in SI with --force-gain (mN, volts, "
@@ -451,9 +447,8 @@ def _doubted_delay(
     )
     remedy = "State delay in the hardware file, or excite fast enough to show it."
     if delay.value >= most - _AT_END * step:
-        yield Finding(
-            code="delay-unknown",
-            severity="refusal",
+        yield refusal(
+            "delay-unknown",
             seen=f"{seen}, the end of the scan from 0 to {most * 1e3:.4g} ms",
             needed=f"a delay below {most * 1e3:.4g} ms",
             remedy=remedy,

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from identification.device.hardware import Hardware
-from identification.errors import Finding, InvalidInputError
+from identification.errors import Finding, InvalidInputError, refusal
 from identification.estimators.motion import running_maximum, running_range
 from identification.estimators.signals import LOST, position_noise
 from identification.findings.force_balance import balance_of
@@ -166,9 +166,8 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware) -> Iterator[Fi
     ratio = seen / stated.value
     for unit, size in _CLOCKS:
         if abs(ratio * size - 1) <= _SAMPLE_TIME_TOLERANCE:
-            yield Finding(
-                code="force-unit",
-                severity="refusal",
+            yield refusal(
+                "force-unit",
                 seen=f"{trajectory.source} steps by {seen:.4g}, {ratio:.4g} times the sample time "
                 f"{stated.value:.4g} s of the hardware",
                 needed="both in seconds",
@@ -178,9 +177,8 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware) -> Iterator[Fi
             )
             return
     if ratio > LOST and abs(ratio / round(ratio) - 1) <= _SAMPLE_TIME_TOLERANCE:
-        yield Finding(
-            code="dropped-samples",
-            severity="refusal",
+        yield refusal(
+            "dropped-samples",
             seen=f"{trajectory.source} steps by {seen * 1e3:.4g} ms, every "
             f"{round(ratio)}th sample of the {stated.value * 1e3:.4g} ms of the hardware",
             needed="every sample of the control loop, since force is held for each of them",
@@ -240,9 +238,8 @@ def _whole_numbers(trajectory: Trajectory) -> Iterator[Finding]:
     for name, column in (("force", trajectory.force), ("position", trajectory.position)):
         if not np.all(column == np.rint(column)) or np.ptp(column) < _WHOLE_NUMBERS:
             continue
-        yield Finding(
-            code="force-unit",
-            severity="refusal",
+        yield refusal(
+            "force-unit",
             seen=f"every {name} in {trajectory.source} is a whole number, from "
             f"{column.min():.0f} to {column.max():.0f}",
             needed="SI units, not the counts of a converter",
@@ -265,9 +262,8 @@ def _against_limit(trajectory: Trajectory, hardware: Hardware) -> Iterator[Findi
         if _UNDER_LIMIT * limit.continuous <= peak * size <= limit.peak
     ]
     sure = "" if over else ", or --force-gain 1 if it is in N (N·m)"
-    yield Finding(
-        code="force-unit",
-        severity="refusal",
+    yield refusal(
+        "force-unit",
         seen=f"{trajectory.source} reaches a force of {peak:.4g}; the actuator gives "
         f"{limit.continuous:.4g} continuous and {limit.peak:.4g} peak",
         needed=f"between {_UNDER_LIMIT * limit.continuous:.4g} and {limit.peak:.4g}, so that "
@@ -302,9 +298,8 @@ def _against_count(trajectory: Trajectory, hardware: Hardware) -> Iterator[Findi
         ratio, words = scatter / stated, f"scatters by {scatter:.4g} rms"
         needed = f"at most {_SCATTER:g} times"
         sure = ", or --position-gain 1 if it is"
-    yield Finding(
-        code="force-unit",
-        severity="refusal",
+    yield refusal(
+        "force-unit",
         seen=f"position in {trajectory.source} {words}, {ratio:.3g} times the encoder "
         f"resolution {stated:.4g} of the hardware",
         needed=needed,
@@ -333,9 +328,8 @@ def _out_of_reach(trajectory: Trajectory) -> Iterator[Finding]:
             "degrees --position-gain 0.0174533; if it slides, state motion: linear and give "
             f"--position-gain, since the position looks like {wrong}."
         )
-    yield Finding(
-        code="force-unit",
-        severity="refusal",
+    yield refusal(
+        "force-unit",
         seen=f"{trajectory.source} travels {travel:.4g} {unit} at up to {speed:.4g} "
         f"{unit}/s" + ("" if trajectory.motion else ", read as m"),
         needed=f"at most {farthest:g} {unit} and {fastest:g} {unit}/s",
@@ -354,9 +348,8 @@ def resolution(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     travel = float(np.ptp(place))
     if travel >= _FEWEST_COUNTS * count:
         return
-    yield Finding(
-        code="few-counts",
-        severity="refusal",
+    yield refusal(
+        "few-counts",
         seen=f"{trajectory.source} travels {travel:.3g}, {travel / count:.0f} counts of "
         f"{count:.3g}",
         needed=f"at least {_FEWEST_COUNTS} counts",
@@ -386,9 +379,8 @@ def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
     jumps = np.diff(trajectory.position)[far]
     size = float(np.median(np.abs(jumps)))
     turn = trajectory.motion == "rotary" and abs(size / (2 * np.pi) - 1) < _A_TURN
-    yield Finding(
-        code="encoder-wrap",
-        severity="refusal",
+    yield refusal(
+        "encoder-wrap",
         seen=f"position in {trajectory.source} jumps {jumps.size} times by {size:.4g}"
         + (", one turn," if turn else "")
         + " from one sample to the next",
@@ -433,9 +425,8 @@ def saturation(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     limit = None if hardware.force_limit is None else hardware.force_limit.peak
     if limit is not None and peak > limit * (1 + _AT_LIMIT):
         share = float(np.mean(size > limit * (1 + _AT_LIMIT)))
-        yield Finding(
-            code="force-saturated",
-            severity="refusal",
+        yield refusal(
+            "force-saturated",
             seen=f"{trajectory.source} asks for up to {peak:.4g}, more than the peak force "
             f"{limit:.4g} of the hardware in {share:.2%} of its samples",
             needed="force that the actuator can give",
@@ -449,9 +440,8 @@ def saturation(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     share = float(np.mean(runs))
     levels = np.unique(np.round(size / peak / _AT_LIMIT)).size
     if share > _TOLERATED and levels > _SWITCHING_LEVELS:
-        yield Finding(
-            code="force-saturated",
-            severity="refusal",
+        yield refusal(
+            "force-saturated",
             seen=f"{share:.1%} of {trajectory.source} stays at the largest force {peak:.4g} "
             f"for {_RUN} samples or more",
             needed=f"at most {_TOLERATED:.0%}",

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identification.errors import Finding
+from identification.errors import Finding, refusal
 from identification.estimators.estimate import (
     Estimate,
     half_width,
@@ -305,9 +305,8 @@ def uneven_actuator(trajectory: Trajectory, balance: ForceBalance) -> Iterator[F
     weights = solve(bent(knee), answer)
     part = float((weights[0] + weights[-1]) / weights[0])
     where, less = ("above", part) if part < 1 else ("below", 1 / part)
-    yield Finding(
-        code="force-saturated",
-        severity="refusal",
+    yield refusal(
+        "force-saturated",
         seen=f"{where} some {knee:.3g} of the force of {trajectory.source} more of it moves the "
         f"device {max(less, 0.0):.0%} as much as elsewhere, which explains "
         f"{1 - share:.0%} of what mass and friction leave over",

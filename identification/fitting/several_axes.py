@@ -17,7 +17,7 @@ import numpy as np
 from identification.device.device import Device, ForceLimit, LogRecord
 from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
 from identification.device.quantities import Covariance, Pose, Quantity, quantity
-from identification.errors import Finding, LogRefusedError, UsageError, refuse
+from identification.errors import Finding, LogRefusedError, UsageError, refusal, refuse
 from identification.estimators import Method
 from identification.estimators.joint import JointLog, driven, driving_logs
 from identification.estimators.joint_fits import (
@@ -209,9 +209,8 @@ def poses_of(logs: Sequence[Trajectories]) -> list[tuple[Trajectories, ...]]:
             some, seen = [], np.zeros_like(seen)
     if some:
         names = [name for name, there in zip(some[0].names, seen, strict=True) if not there]
-        found = Finding(
-            code="axes-not-told-apart",
-            severity="refusal",
+        found = refusal(
+            "axes-not-told-apart",
             seen=f"no force of its own moves {', '.join(names)}",
             needed="a force and motion of every axis at each pose",
             remedy="Drive all axes at once, or give a log that drives each, one after another.",
@@ -382,9 +381,8 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
     estimate = joint.estimate
     if joint.apart < _ALIKE:
         return (
-            Finding(
-                code="axes-not-told-apart",
-                severity="refusal",
+            refusal(
+                "axes-not-told-apart",
                 seen="some combination of the axes hardly accelerates: the least eigenvalue of the "
                 f"correlations of their accelerations is {joint.apart:.2g}",
                 needed=f"{_ALIKE:g} at least",
@@ -403,9 +401,8 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
             factor = float(np.exp(abs(np.log(end.value / value))))
             if factor > _LOOSEST:
                 return (
-                    Finding(
-                        code="axes-not-told-apart",
-                        severity="refusal",
+                    refusal(
+                        "axes-not-told-apart",
                         seen=f"{end.along(estimate.model.axes)} the mass is {value:.4g}, "
                         f"known to a factor of {factor:.3g}",
                         needed=f"a mass known to a factor of {_LOOSEST:g} in every direction",
@@ -431,9 +428,8 @@ def _unequal(joint: _JointFit) -> Iterator[Finding]:
         )
         if ratio < 0:
             blame = f"The force or the position of {one} or of {other} has the wrong sign"
-        yield Finding(
-            code="force-unit",
-            severity="refusal",
+        yield refusal(
+            "force-unit",
             seen=f"the {each.which} that couples {one} to {other} is {each.forth:.4g} {unit} in "
             f"the force of {one} and {each.back:.4g} {unit} in that of {other}, "
             f"{ratio:.3g} times",
@@ -444,9 +440,8 @@ def _unequal(joint: _JointFit) -> Iterator[Finding]:
 
 
 def _uncoupled(one: str, other: str) -> Finding:
-    return Finding(
-        code="axes-not-told-apart",
-        severity="refusal",
+    return refusal(
+        "axes-not-told-apart",
         seen=f"{one} and {other} never move in one log, which would tell what couples them",
         needed="motion of both at once, beyond noise",
         remedy="Drive all axes at once: friction holds an axis that only another one moves.",
@@ -454,9 +449,8 @@ def _uncoupled(one: str, other: str) -> Finding:
 
 
 def _no_mass() -> Finding:
-    return Finding(
-        code="axes-not-told-apart",
-        severity="refusal",
+    return refusal(
+        "axes-not-told-apart",
         seen="the mass matrix is not positive definite",
         needed="a positive mass in every direction",
         remedy="Check the signs and units of all axes; drive them with forces of their own.",

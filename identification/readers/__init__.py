@@ -31,11 +31,11 @@ from typing import Any
 import numpy as np
 
 from identification.errors import (
-    Finding,
     InvalidInputError,
     LogRefusedError,
     QuestionError,
     printable,
+    refusal,
 )
 from identification.readers.columns import (
     FloatArray,
@@ -229,9 +229,8 @@ def _refuse_clock(trajectory: Trajectory, column: str) -> None:
         remedy += f" (in {fitting[0]}: --time-gain {size:g})"
         if np.array_equal(np.diff(trajectory.time), np.ones(len(trajectory) - 1)):
             guess = "; it may count rows" + guess.replace(";", ",")
-    finding = Finding(
-        code="force-unit",
-        severity="refusal",
+    finding = refusal(
+        "force-unit",
         seen=f"in {trajectory.source} column '{column}' steps by {step:.4g} in the median, no step "
         f"in seconds of a control loop{guess}",
         needed=f"{_SHORTEST_STEP:g} to {_LONGEST_STEP:g} s",

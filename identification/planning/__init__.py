@@ -130,10 +130,7 @@ def plan_excitation(
     if spec.axes is not None:
         raise UsageError("axes", f"are {', '.join(spec.axes)}", "Plan them with plan_axes")
 
-    def say(sentence: str) -> None:
-        if progress is not None:
-            progress(sentence)
-
+    say: Callable[[str], None] = progress or (lambda _: None)
     wanted = gentle_spec(spec) if spec.gentle else spec
     bench = DesignGrid.of(wanted)
     devices, spread = Region.stated(wanted).devices(), BETWEEN if wanted.ranges else 1.0

@@ -9,7 +9,7 @@ ones among them, are simulated exactly and all forces scaled by one factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, pairwise, product
@@ -123,10 +123,7 @@ def plan_axes(
     if spec.axes is None:
         raise UsageError("axes", "are not given", "Name them, or plan one with plan_excitation")
 
-    def say(sentence: str) -> None:
-        if progress is not None:
-            progress(sentence)
-
+    say: Callable[[str], None] = progress or (lambda _: None)
     wanted = gentle_spec(spec) if spec.gentle else spec
     count = len(spec.axes)
     bench = DesignGrid.of(wanted)
@@ -225,18 +222,26 @@ def _devices(region: Region, count: int) -> DevicesOfAxes:
                     damping = least * eye + (near - least) * np.outer(along, along)
                     damping += (far - least) * np.outer(across, across)
                     matrices.append((mass, damping))
-    frictions: list[float] = np.unique(np.linspace(*region.friction, _LEVELS)).tolist()
+    frictions = np.unique(np.linspace(*region.friction, _LEVELS))[:, None] * np.ones(count)
     patterns = product(region.offset, repeat=2)
     offsets = sorted({tuple(ends[k % 2] for k in range(count)) for ends in patterns})
+    return _at_rest(matrices, frictions, np.array(offsets))
+
+
+def _at_rest(
+    matrices: Sequence[tuple[FloatArray, FloatArray]], frictions: FloatArray, offsets: FloatArray
+) -> DevicesOfAxes:
+    """Devices of every pair of mass and damping with every friction and offset, a row each."""
     every = list(product(matrices, frictions, offsets))
+    still = np.zeros((len(every), offsets.shape[1]))
     return DevicesOfAxes(
         mass=np.stack([mass for (mass, _), _, _ in every]),
         damping=np.stack([damping for (_, damping), _, _ in every]),
-        friction=np.stack([np.full(count, friction) for _, friction, _ in every]),
-        offset=np.array([offset for _, _, offset in every]),
-        delay=np.zeros(len(every)),
-        speed=np.zeros((len(every), count)),
-        place=np.zeros((len(every), count)),
+        friction=np.stack([friction for _, friction, _ in every]),
+        offset=np.stack([offset for _, _, offset in every]),
+        delay=still[:, 0],
+        speed=still,
+        place=still,
     )
 
 
@@ -264,16 +269,7 @@ def _turned(region: Region, count: int) -> DevicesOfAxes:
     low, high = region.friction
     frictions = np.unique([low + (high - low) * row for row in (*eye, 0 * eye[0])], axis=0)
     offsets = np.unique([[each] * count for each in region.offset], axis=0)
-    every = list(product(matrices, frictions, offsets))
-    return DevicesOfAxes(
-        mass=np.stack([mass for (mass, _), _, _ in every]),
-        damping=np.stack([damping for (_, damping), _, _ in every]),
-        friction=np.stack([friction for _, friction, _ in every]),
-        offset=np.stack([offset for _, _, offset in every]),
-        delay=np.zeros(len(every)),
-        speed=np.zeros((len(every), count)),
-        place=np.zeros((len(every), count)),
-    )
+    return _at_rest(matrices, frictions, offsets)
 
 
 def _joined(*devices: DevicesOfAxes) -> DevicesOfAxes:

@@ -34,6 +34,9 @@ _SETTLED = 1e-3
 _LAGS = 40
 #: ... this far apart, in periods of the low-pass: closer ones are alike.
 _LAG = 0.25
+#: Half of the difference of delays for the slope of the force, in samples: it need not be exact,
+#: as the force itself is taken anew at every delay.
+_NUDGE = 0.05
 #: Combinations of past values smaller than this part of the largest are left out: the reference
 #: does not excite them.
 _UNEXCITED = 1e-6
@@ -202,7 +205,7 @@ class _Past:
 
 def _slope(table: Regression, commands: Commands, delay: float) -> FloatArray:
     """Derivative of the filtered force by its delay, N/s, shape (rows,)."""
-    low, high = table.about(delay)
+    low, high = max(delay - _NUDGE * table.signals.step, 0.0), delay + _NUDGE * table.signals.step
     late, early = (commands.after(each).times(table.motion.moving) for each in (high, low))
     change = of_rows(late.triangle() - early.triangle())
     return table.low_pass(change)[table.known :] / (high - low)

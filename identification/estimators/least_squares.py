@@ -62,9 +62,6 @@ REFINEMENTS = 20
 _SETTLED = 1e-4
 #: Numbers of filtered forces that are kept.
 _MOST_KEPT = 1 << 21
-#: Half of the difference of delays for the slope of the force, in samples: it need not be exact,
-#: as the force itself is taken anew at every delay.
-_NUDGE = 0.05
 #: The cut-off is divided and multiplied by this to see whether the estimate leans on it; half of
 #: the difference is one more standard deviation.
 CUT_OFF_RANGE = 2.0
@@ -249,11 +246,6 @@ class Regression:
         """The filtered force with a delay in s, shape (rows,)."""
         kept = self.filtered_forces.get(delay)
         return self.forces([delay])[0] if kept is None else kept
-
-    def about(self, delay: float) -> tuple[float, float]:
-        """Delays just below and just above one, s, for the slope of the force by it."""
-        width = _NUDGE * self.signals.step
-        return max(delay - width, 0.0), delay + width
 
     def forces(self, delays: Sequence[float]) -> FloatArray:
         """The filtered force with several delays in s, shape (delays, rows)."""

@@ -122,27 +122,22 @@ def read_mat(path: Path, content: bytes, columns: LogColumns) -> Reading:
         # Before anything is unpacked: shapes and classes stand in the directory, ...
         for name in wanted.values():
             shape, kind = present[name]
-            _refuse_variable(path, name, shape if kind in _NUMERIC else None)
+            _refuse_shape(path, name, shape if kind in _NUMERIC else None)
         stored = reader.loadmat(BytesIO(content), variable_names=list(wanted.values()))
         values: dict[str, FloatArray] = {}
         for role, name in wanted.items():
             array: Any = stored[name]  # ... which may have lied
             is_numeric = isinstance(stored[name], np.ndarray) and array.dtype.kind in "iuf"
-            _refuse_variable(path, name, array.shape if is_numeric else None)
+            _refuse_shape(path, name, array.shape if is_numeric else None)
             values[role] = np.asarray(array, dtype=np.float64).ravel()
         return Reading(values=values, names=wanted)
 
 
-def _refuse_variable(path: Path, name: str, shape: tuple[int, ...] | None) -> None:
-    """Refuse a variable whose shape is no single column, or None: it is no array of numbers."""
+def _refuse_shape(path: Path, name: str, shape: tuple[int, ...] | None) -> None:
+    """Refuse a stored array that is no single column, too long, or, None, not of numbers."""
     if shape is None:
         problem = f"variable '{quote(name)}' is not an array of real numbers"
         raise InvalidInputError(path, problem, "Save it as double")
-    _refuse_shape(path, name, shape)
-
-
-def _refuse_shape(path: Path, name: str, shape: tuple[int, ...]) -> None:
-    """Refuse a stored array that is no single column, or too long."""
     refuse_long(path, prod(shape))
     if len([size for size in shape if size != 1]) != 1:
         size = " x ".join(str(size) for size in shape) or "a single number"

@@ -60,7 +60,7 @@ class _Problem:
     """
 
     drive: Drive  # inputs
-    position: FloatArray  # about its mean, m, shape (n,)
+    moved: FloatArray  # the measured motion as a gain: distances alone, shape (2, n - 1)
     known: int  # first row that feels only logged forces
     shape: FloatArray  # taps of a filter that whitens what C leaves coloured, leading 1
 
@@ -81,16 +81,16 @@ class _Problem:
         """Columns and target before the noise model, which do not depend on c1 and c2."""
         device = HeldResponse.at(float(theta[0]), self.drive.steps)
         inputs = self.drive.inputs(self.drive.delay_of(theta))
-        columns = np.zeros((len(inputs) + 2, self.position.size - 2 - self.known))
+        columns = np.zeros((len(inputs) + 2, self.moved.shape[1] - 1 - self.known))
         for index, held in enumerate(inputs):
             columns[index] = self._scaled(device, _row(device, device.gain(held)))
         columns[-2, 0] = columns[-1, 1] = 1.0
-        return columns, self._scaled(device, _row_of_position(device, self.position))
+        return columns, self._scaled(device, _row(device, self.moved))
 
     def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
         device = HeldResponse.at(float(theta[0]), self.drive.steps)
-        misfit = -_row_of_position(device, self.position)
-        slope = -_slope_of_position(device, self.position)
+        misfit = -_row(device, self.moved)
+        slope = -_row_slope(device, self.moved, np.zeros_like(self.moved))
         inputs = self.drive.inputs(self.drive.delay_of(theta))
         for weight, held in zip(weights, inputs, strict=False):
             gain = device.gain(held)
@@ -155,19 +155,6 @@ def _row_slope(device: HeldResponse, gain: FloatArray, slope: FloatArray) -> Flo
     return slope[0, :-1] + bent
 
 
-def _row_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
-    """Difference of speeds as the positions tell it."""
-    return _difference(np.diff(position) / device.full.speed, device.full.decay)
-
-
-def _slope_of_position(device: HeldResponse, position: FloatArray) -> FloatArray:
-    """Derivative of that by p."""
-    full = device.full
-    speed = np.diff(position) / full.speed
-    changed = _difference(-speed * full.speed_slope / full.speed, full.decay)
-    return changed - _earlier(full.decay_slope) * speed[:-1]
-
-
 def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     table = _settled(table, delay)
@@ -215,10 +202,10 @@ def _point(table: Regression, best: Solution, delay: float, *, fits_delay: bool)
 
 def _found(table: Regression, delay: float, *, fits_delay: bool) -> tuple[_Problem, Solution]:
     """The best prediction, and the problem with the filter that it has for coloured forces."""
-    signals = table.signals
+    distances = np.diff(table.signals.position - np.mean(table.signals.position))
     problem = _Problem(
         drive=Drive.of(table, None if fits_delay else delay),
-        position=signals.position - np.mean(signals.position),
+        moved=np.stack((np.zeros_like(distances), distances)),
         known=table.known,
         shape=np.ones(1),
     )

@@ -17,7 +17,7 @@ from identification.device.device import (
     LogRecord,
     SlopeRange,
 )
-from identification.device.hardware import Hardware, mark_stated
+from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity, Tabular, quantity
 from identification.documents import as_stored, complaints
 from identification.errors import (
@@ -281,21 +281,12 @@ def _device_from(
     beside = [fit.dynamics for fit in fits if fit.dynamics is not None]
     facts = suggested_by(fits)
     return Device(
-        name=hardware.name,
+        **facts.of_device(hardware, first.motion),
         axis=first.axis,
-        serial=hardware.serial,
-        date=hardware.date,
-        operator=hardware.operator,
-        motion=first.motion or "linear",
-        missing=() if first.motion else ("motion",),
-        sample_time=facts.sample_time(hardware),
         mass=_envelope(fits, "mass"),
         damping=_envelope(fits, "damping"),
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
-        delay=facts.delay(hardware),
-        encoder_resolution=mark_stated(hardware.encoder_resolution)
-        or quantity(facts.resolution(), source="log"),
         force_limit=hardware.force_limit or facts.force_limit(),
         modes=hardware.modes or tuple(each.mode for each in beside if each.mode is not None)[:1],
         current_lag=hardware.current_lag or _widest([each.current_lag for each in beside]),

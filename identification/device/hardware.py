@@ -313,7 +313,19 @@ class SuggestedFacts:
         value = max(value for value, _ in self.delays)
         return quantity(max(value, least), max(low, 0.0), max(high, least), source="log")
 
-    def resolution(self) -> float:
+    def of_device(self, hardware: Hardware, motion: Motion | None) -> dict[str, Any]:
+        """What a device has of its hardware and, where that states nothing, of its logs."""
+        return {
+            **{name: getattr(hardware, name) for name in ("name", "serial", "date", "operator")},
+            "motion": motion or "linear",
+            "missing": () if motion else ("motion",),
+            "sample_time": self.sample_time(hardware),
+            "delay": self.delay(hardware),
+            "encoder_resolution": mark_stated(hardware.encoder_resolution)
+            or quantity(self._resolution(), source="log"),
+        }
+
+    def _resolution(self) -> float:
         """The coarsest of the finest readings of position, m (rad)."""
         return max(finest_reading(log.position, log.force) for log in self.logs)
 
@@ -341,7 +353,7 @@ class SuggestedFacts:
             reached = self._largest_force()
             facts.append(f"force_limit (the log reaches {reached:.4g}, in its unit)")
         if hardware.encoder_resolution is None:
-            facts.append(f"encoder_resolution ({self.resolution():.4g} by the log)")
+            facts.append(f"encoder_resolution ({self._resolution():.4g} by the log)")
         if facts and hardware.delay is None:  # alone it need not be stated
             given = self.delay(hardware)
             facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")

@@ -15,7 +15,7 @@ from typing import Literal, cast, get_args
 import numpy as np
 
 from identification.device.device import Device, ForceLimit, LogRecord
-from identification.device.hardware import Hardware, SuggestedFacts, mark_stated
+from identification.device.hardware import Hardware, SuggestedFacts
 from identification.device.quantities import Covariance, Pose, Quantity, quantity
 from identification.errors import Finding, LogRefusedError, UsageError, refusal, refuse
 from identification.estimators import Method
@@ -98,25 +98,15 @@ class AxesFit:
         first, facts = self.poses[0].logs[0], suggested_by(self.logs)
         poses = tuple(_pose(joint.estimate) for joint in self.poses)
         by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
-        motion = first.motion or hardware.motion
         return Device(
-            name=hardware.name,
+            **facts.of_device(hardware, first.motion or hardware.motion),
             axis=first.axis,
             axes=first.names,
             poses=poses,
-            serial=hardware.serial,
-            date=hardware.date,
-            operator=hardware.operator,
-            motion=motion or "linear",
-            missing=() if motion else ("motion",),
-            sample_time=facts.sample_time(hardware),
             mass=_over_directions(poses, "mass"),
             damping=_over_directions(poses, "damping"),
             coulomb_friction=_range_of([np.maximum(rough, 0.0) for rough, _ in by_axis]),
             force_offset=_range_of([offset for _, offset in by_axis]),
-            delay=facts.delay(hardware),
-            encoder_resolution=mark_stated(hardware.encoder_resolution)
-            or quantity(facts.resolution(), source="log"),
             force_limit=hardware.force_limit or _weakest(self.poses[0].logs),
             logs=self.records,
         )

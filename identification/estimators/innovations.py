@@ -158,9 +158,7 @@ def _row_slope(device: HeldResponse, gain: FloatArray, slope: FloatArray) -> Flo
 def point(table: Regression, delay: float, *, fits_delay: bool = False) -> PointEstimate:
     """What ``fit`` finds, without intervals."""
     table = _settled(table, delay)
-    return _point(
-        table, _found(table, delay, fits_delay=fits_delay)[1], delay, fits_delay=fits_delay
-    )
+    return _point(table, *_found(table, delay, fits_delay=fits_delay))
 
 
 def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
@@ -182,7 +180,7 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
     return complete_estimate(
         "innovations",
         table,
-        _point(table, best, delay, fits_delay=fits_delay),
+        _point(table, problem, best),
         around,
         fitted=fits_delay,
         unit="position",
@@ -191,10 +189,10 @@ def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimat
     )
 
 
-def _point(table: Regression, best: Solution, delay: float, *, fits_delay: bool) -> PointEstimate:
+def _point(table: Regression, problem: _Problem, best: Solution) -> PointEstimate:
     return PointEstimate(
         values=physical(best, len(table.model.parameters))[0],
-        delay=float(best.theta[3]) if fits_delay else delay,
+        delay=problem.drive.delay_of(best.theta),
         signal=best.target,
         residual=best.residual,
     )

@@ -122,7 +122,15 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
     """Least squares, or the rows tested against columns that are free of the log's own noise."""
     positions = noise_free_positions(prepared) if method == "instruments" else None
     values, around = solve_rows(prepared, positions)
-    return _estimate(prepared, method, values, around)
+    return JointEstimate(
+        method=method,
+        model=prepared.model,
+        delay=prepared.delay,
+        delay_deviation=None,
+        values=values,
+        covariance=around.covariance,
+        degrees_of_freedom=around.degrees_of_freedom,
+    )
 
 
 def solve_rows(
@@ -264,7 +272,7 @@ class _Playing:
         rates = np.linalg.eigvals(np.linalg.solve(mass, damping)).real
         if np.max(np.abs(rates)) * self.prepared.step > _FASTEST:
             return False
-        return unknown_intervals(self.prepared.steps, self._delay(theta)) <= self.first
+        return unknown_intervals(self.prepared.steps, self.delay(theta)) <= self.first
 
     def within(self, theta: FloatArray) -> FloatArray:
         """With a delay that is fitted not below zero."""
@@ -273,7 +281,8 @@ class _Playing:
             theta = np.concatenate((theta[:at], [max(theta[at], 0.0)], theta[at + 1 :]))
         return theta
 
-    def _delay(self, theta: FloatArray) -> float:
+    def delay(self, theta: FloatArray) -> float:
+        """The delay, s, given or fitted."""
         at = len(self.prepared.model.parameters)
         return float(theta[at]) if self.fits_delay else self.prepared.delay
 
@@ -288,7 +297,7 @@ class _Playing:
 
     def _positions(self, part: int, thetas: FloatArray) -> FloatArray:
         """Those of one log, shape (thetas, rows, axes)."""
-        delays = np.array([self._delay(each) for each in thetas])
+        delays = np.array([self.delay(each) for each in thetas])
         own = np.hstack((thetas[:, : self.count], thetas[:, self._tail(part)]))
         devices = devices_of(self.prepared.model, own, delays)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -415,15 +424,17 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
     count, size = len(prepared.model.pairs), len(prepared.model.parameters)
     signal = np.asarray(theta[:count] @ columns[:count], dtype=np.float64)
     around = spread(columns, residual, size + fits_delay, signal=signal, instruments=columns)
-    estimate = _estimate(
-        replace(prepared, delay=float(theta[size]) if fits_delay else prepared.delay),
-        "output-error",
-        theta[:size],
-        around,
-        fits_delay=fits_delay,
+    return JointEstimate(
+        method="output-error",
+        model=prepared.model,
+        delay=play.delay(theta),
+        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fits_delay else None,
+        values=theta[:size],
+        covariance=around.covariance[:size, :size],
+        degrees_of_freedom=around.degrees_of_freedom,
+        positions=tuple(play.whole(play.by_log(positions))),
+        residuals=tuple(each.T for each in play.by_log(play.left(positions))),
     )
-    left = tuple(each.T for each in play.by_log(play.left(positions)))
-    return replace(estimate, positions=tuple(play.whole(play.by_log(positions))), residuals=left)
 
 
 def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[FloatArray, float]:
@@ -436,23 +447,3 @@ def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[Flo
         columns = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
         residual = np.append(residual, np.zeros(len(size)))
     return gauss_newton(columns, residual, _NOTHING)
-
-
-def _estimate(
-    prepared: JointLog,
-    method: JointMethod,
-    values: FloatArray,
-    around: Spread,
-    *,
-    fits_delay: bool = False,
-) -> JointEstimate:
-    size = len(values)
-    return JointEstimate(
-        method=method,
-        model=prepared.model,
-        delay=prepared.delay,
-        delay_deviation=float(np.sqrt(around.covariance[size, size])) if fits_delay else None,
-        values=values,
-        covariance=around.covariance[:size, :size],
-        degrees_of_freedom=around.degrees_of_freedom,
-    )

@@ -72,9 +72,9 @@ _WHERE = (
     "State them in hardware.yaml and identify with it, or in device.yaml, without 'source: log' "
     "and no longer listed under 'missing':"
 )
-#: Devices that come with haptune.
 #: Part of the friction of an axis within which it and the offset are taken as known.
 _ROUGH = 0.1
+#: Devices that come with haptune.
 _FOLDER = Path(__file__).parent / "named"
 
 Kind = Literal["drag", "falling", "place", "position", "memory", "drift"]

@@ -252,10 +252,6 @@ class Model:
     #: "proportional" adds k·q, "pendulum" adds gs·sin(q) + gc·cos(q), q in rad
     gravity: Gravity = "none"
 
-    def __post_init__(self) -> None:
-        if self.directional and not (self.coulomb and self.offset):
-            raise ValueError("direction-dependent friction needs coulomb and offset as well")
-
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of every vector and matrix of an Estimate."""

@@ -287,12 +287,6 @@ class Region:
             offset=_ends(spec.force_offset),
         )
 
-    def wrong(self, spec: ExcitationSpec) -> Region:
-        """Wide enough for guesses that are wrong by the factor, either way."""
-        guesses = (spec.mass, spec.damping, spec.coulomb_friction)
-        mass, damping, friction = (_ends(_wrong(guess)) for guess in guesses)
-        return replace(self, mass=mass, damping=damping, friction=friction)
-
     def pulled(self, force: float) -> Region:
         """With a constant force of this size either way that nobody planned for, N."""
         low, high = self.offset
@@ -334,7 +328,9 @@ def regions(spec: ExcitationSpec) -> Iterator[tuple[str, str, Region]]:
     stated = Region.stated(spec)
     unit = "N" if spec.motion == "linear" else "N·m"
     yield "stated", "the guesses as stated", stated
-    twice = stated.wrong(spec)
+    guesses = (spec.mass, spec.damping, spec.coulomb_friction)
+    mass, damping, friction = (_ends(_wrong(guess)) for guess in guesses)
+    twice = replace(stated, mass=mass, damping=damping, friction=friction)
     yield "twice", f"mass, damping and friction {_WRONG:g} times wrong, either way", twice
     for part in _UNPLANNED:
         force = part * spec.force

@@ -272,7 +272,7 @@ def named_rig(name: str) -> Rig:
 
 Purpose = Literal["position", "force", "coloured", "tremor", "wander", "clock", "rows", "start"]
 
-#: The place of a purpose is part of its seed: new ones go to the end.
+#: The place of a purpose is part of its seed: new ones go to the end, and none is taken away.
 _PURPOSES = get_args(Purpose)
 
 #: Lines of a signal in a band, one in each of as many equal parts of it: enough for its values to
@@ -328,25 +328,6 @@ def scatter(sources: Sources, spread: FloatArray) -> FloatArray:
     return spread * np.array([each.uniform(-1, 1) for each in sources.generators("start")])
 
 
-def coloured_noise(
-    sources: Sources, rms: FloatArray, correlation_time: FloatArray, stamps: FloatArray
-) -> FloatArray | None:
-    """Stationary normal noise of an rms, whose correlation over t is exp(-t/correlation_time).
-
-    Stamps, s, have shape (n, batch) and need not be even.
-    """
-    white = white_noise(sources, "coloured", rms, stamps.shape[0])
-    if white is None:
-        return None
-    kept = np.exp(-np.diff(stamps, axis=0) / correlation_time)
-    fresh = np.sqrt(-np.expm1(-2 * np.diff(stamps, axis=0) / correlation_time))
-    noise = np.empty_like(white)
-    noise[0] = white[0]
-    for k in range(1, white.shape[0]):
-        noise[k] = kept[k - 1] * noise[k - 1] + fresh[k - 1] * white[k]
-    return noise
-
-
 def band_noise(
     sources: Sources,
     purpose: Purpose,
@@ -382,21 +363,13 @@ class Faults(Batched):
     Attributes:
         position_noise: rms of white noise added to the position before rounding, m (rad).
         force_noise: rms of a white force that acts but is not logged, held one sample, N (N·m).
-        coloured_force: rms of a slower unlogged force, held one sample, N (N·m), ...
-        correlation_time: ... whose correlation over a time t is exp(-t/correlation_time), s.
         start_spread: the device starts anywhere within this of its stated start, evenly, m (rad):
             where between two counts it stands is chance.
     """
 
     position_noise: float | FloatArray = 0.0
     force_noise: float | FloatArray = 0.0
-    coloured_force: float | FloatArray = 0.0
-    correlation_time: float | FloatArray = 0.1
     start_spread: float | FloatArray = 0.0
-
-    def __post_init__(self) -> None:
-        if np.any(np.asarray(self.correlation_time) <= 0):
-            raise ValueError(f"correlation_time must be positive, not {self.correlation_time}")
 
 
 #: Jitter is cut at this part of the shortest step, so that stamps never meet.

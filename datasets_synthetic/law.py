@@ -440,10 +440,11 @@ class Servo:
         return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
 
 
-class _SectionEstimates(_Remembering):
-    """Second-order sections of the differences, or a moving window; members may differ in kind.
+class _Estimates(_Remembering):
+    """Second-order sections of the differences, a moving window, or observers by derivative.
 
     A section is x[k] = t·x[k-1] - p·x[k-2] + (1-t+p)·u[k]; p = 0 makes it one of first order.
+    Members may differ in their sections.
     """
 
     def __init__(
@@ -451,12 +452,14 @@ class _SectionEstimates(_Remembering):
         velocity: tuple[FloatArray, FloatArray],
         acceleration: tuple[FloatArray, FloatArray],
         window: NDArray[np.int64],
+        observers: dict[int, Observer],
         sample_time: FloatArray,
     ) -> None:
         """Sections (t, p) of both; window in samples, each shape (batch,)."""
         self._t, self._p = (np.stack(pair) for pair in zip(velocity, acceleration, strict=True))
         self._fresh = 1 - self._t + self._p
         self._window = window if np.any(window > 1) else None
+        self._observers = observers
         self._sample_time = sample_time
         self._past = np.zeros((int(np.max(window)), sample_time.size))
         self._row = 0
@@ -480,7 +483,13 @@ class _SectionEstimates(_Remembering):
             slopes = np.stack((self._mean_slope(reading, self._window), slopes[1]))
         now = self._t * self._now - self._p * self._before + self._fresh * slopes
         self._now, self._before = now, self._now
-        return now
+        if not self._observers:
+            return now
+        found = now.copy()
+        for power, observer in self._observers.items():
+            state = observer.update(reading)[:, power]
+            found[power - 1] = state * (power / self._sample_time**power)
+        return found
 
     def _mean_slope(self, reading: FloatArray, window: NDArray[np.int64]) -> FloatArray:
         """(reading - reading n samples ago)/(n·T)."""
@@ -509,23 +518,6 @@ def _low_pass_poles(
     t = np.where(single, np.exp(-turn), pair)
     p = np.where(single, 0.0, size**2)
     return np.where(open_, 0.0, t), np.where(open_, 0.0, p)
-
-
-class _TrackedEstimates(_Remembering):
-    """Estimates of which one or both come from an observer; by derivative, 1 or 2."""
-
-    def __init__(
-        self, others: _SectionEstimates, observers: dict[int, Observer], sample_time: FloatArray
-    ) -> None:
-        self._others, self._observers, self._sample_time = others, observers, sample_time
-
-    def update(self, reading: FloatArray) -> FloatArray:
-        """Velocity (m/s) and acceleration (m/s²) after this reading (m), shape (2, batch)."""
-        found = self._others.update(reading).copy()
-        for power, observer in self._observers.items():
-            state = observer.update(reading)[:, power]
-            found[power - 1] = state * (power / self._sample_time**power)
-        return found
 
 
 class ControlLaw(_Remembering):
@@ -596,9 +588,7 @@ class ControlLaw(_Remembering):
         return -np.add.reduce(law)
 
 
-def _estimates(
-    controller: Controller, sample_time: FloatArray
-) -> _SectionEstimates | _TrackedEstimates:
+def _estimates(controller: Controller, sample_time: FloatArray) -> _Estimates:
     """The filters, of which some may be observers."""
     ratio, batch = controller.filter_damping_ratio, sample_time.size
     tracks: dict[int, Observer] = {}
@@ -611,5 +601,4 @@ def _estimates(
             hertz = np.inf
         sections.append(_low_pass_poles(hertz, order, ratio, sample_time))
     window = per_member(controller.velocity_window_samples, batch).astype(np.int64)
-    others = _SectionEstimates(sections[0], sections[1], window, sample_time)
-    return _TrackedEstimates(others, tracks, sample_time) if tracks else others
+    return _Estimates(sections[0], sections[1], window, tracks, sample_time)

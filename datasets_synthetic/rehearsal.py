@@ -350,8 +350,8 @@ _LONGER = 3
 _AT_LEAST = 1 / 64
 #: Force that keeps oscillating may be this part of the force limit unless another is stated.
 _FORCE = 0.01
-#: Counts that keep oscillating unless others are stated, and so many times more where the force of
-#: a damper is chopped.
+#: Counts that may keep oscillating, or be travelled if nothing pushes; so many times more where the
+#: force of a damper is chopped.
 _COUNTS, _CHOPPED = 3.0, 10.0
 
 
@@ -410,7 +410,6 @@ def rehearse(
     duration: float = 3.0,
     reach: float | FloatArray | None = None,
     push: float | FloatArray | None = None,
-    counts_allowed: float = _COUNTS,
     force_allowed: float | None = None,
     seed: int = 0,
 ) -> tuple[Rehearsal, ...]:
@@ -434,10 +433,10 @@ def rehearse(
             (batch,); None for 1000 counts.
         push: the force limit that the pushes are measured by, N (N·m), a number or shape
             (batch,); None for the rig's.
-        counts_allowed: amplitude at the end that counts as settled, and travel if nothing pushes.
-        force_allowed: likewise of the force, N (N·m); None for 1 % of ``push``. Within a count or
-            so an encoder keeps a frictionless device moving with about the force of its ripple:
-            where a ripple of r rms is accepted, allow at least 3·√2·r.
+        force_allowed: amplitude of the force at the end that counts as settled beside three counts
+            of the readings, N (N·m); None for 1 % of ``push``. Within a count or so an encoder
+            keeps a frictionless device moving with about the force of its ripple: where a ripple of
+            r rms is accepted, allow at least 3·√2·r.
         seed: of tremor, if the hand has any.
 
     Returns:
@@ -469,7 +468,6 @@ def rehearse(
         allowed = [
             _allowed(
                 play,
-                counts_allowed,
                 float(force[play.member]),
                 sizes,
                 dies=float(dies[play.place, play.member]),
@@ -526,10 +524,9 @@ def _slowest_rates(
     return found
 
 
-def _allowed(
-    play: _Play, counts: float, force: float, sizes: _Sizes, *, dies: float, pushed: bool
-) -> Allowed:
+def _allowed(play: _Play, force: float, sizes: _Sizes, *, dies: float, pushed: bool) -> Allowed:
     """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
+    counts = _COUNTS
     if _KINDS[play.name].dampers:
         counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
     return Allowed(counts=counts, force=force, dies=dies, pushed=pushed)

@@ -30,7 +30,6 @@ from datasets_synthetic.device import (
     Motion,
     Rig,
     Sources,
-    coloured_noise,
     per_member,
     read_only_copy,
     scatter,
@@ -330,13 +329,9 @@ def _loads(
     column = partial(per_member, batch=batch)
     if pushed is not None and pushed.shape[1] != samples:
         raise ValueError(f"push has {pushed.shape[1]} samples, force {samples}: give as many")
-    white = white_noise(sources, "force", column(faults.force_noise), samples)
-    coloured = coloured_noise(
-        sources, column(faults.coloured_force), column(faults.correlation_time), stamps
-    )
     held = None if pushed is None else np.broadcast_to(pushed.T, (samples, batch))
     return Loads(
-        device=sum_of_those_there(white, coloured),
+        device=white_noise(sources, "force", column(faults.force_noise), samples),
         handle=sum_of_those_there(hand.push(sources, stamps), held),
     )
 

@@ -35,13 +35,12 @@ def report_html(
     safe: SafeProfile,
     found: Identification | None,
     alternatives: tuple[Alternative, ...] | None,
-    day: date | None = None,
 ) -> str:
     """The page of a profile that passed its check, every text escaped.
 
     It shows what its logs tell, where they are at hand, and what would help, where somebody asked.
     """
-    written = (day or date.today()).isoformat()
+    written = date.today().isoformat()
     return _rendered(
         "report.html",
         page={

@@ -19,7 +19,7 @@ from math import comb
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from identification import Device
 from tune.documents import LoopError, estimators
@@ -37,6 +37,8 @@ from tune.loop.polynomials import (
     DIFFERENCE,
     LATE,
     ONE,
+    ComplexArray,
+    FloatArray,
     Polynomial,
     pad_coefficients,
     slope,
@@ -45,9 +47,6 @@ from tune.loop.polynomials import (
 
 if TYPE_CHECKING:
     from tune.documents.profile import LoopProfile
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Samples. Each adds one to the degree; beyond some 80 doubles no longer hold the polynomial.
 LONGEST_WINDOW = 60

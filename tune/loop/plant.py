@@ -34,12 +34,11 @@ from tune.loop.polynomials import (
     EARLY,
     LATE,
     ONE,
+    FloatArray,
     Polynomial,
     split_fractions,
     split_into_quadratics,
 )
-
-FloatArray = NDArray[np.float64]
 
 #: Gauss-Legendre nodes on a step; 24 integrate exp(20·v) and sin(20·v) to the last bit.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)

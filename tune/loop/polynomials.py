@@ -362,9 +362,10 @@ def squared_modulus(polynomial: FloatArray) -> FloatArray:
 
 
 def parts_on_axis(polynomial: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(E, O) in powers of x with p(jv) = E(x) + jv·O(x)."""
+    """(E, O) in powers of x with p(jv) = E(x) + jv·O(x), for coefficients (degree+1, ...)."""
     even, odd = polynomial[0::2], polynomial[1::2]
-    return even * (-1.0) ** np.arange(len(even)), odd * (-1.0) ** np.arange(len(odd))
+    signs = (-1.0) ** np.arange(len(even))[(...,) + (None,) * (polynomial.ndim - 1)]
+    return even * signs, odd * signs[: len(odd)]
 
 
 def positive_roots(polynomial: FloatArray) -> FloatArray:

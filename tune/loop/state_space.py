@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from identification import Box, Device
 from tune.documents.estimators import Estimator
 from tune.loop.loop import Filters
-
-FloatArray = NDArray[np.float64]
+from tune.loop.polynomials import FloatArray
 
 
 class LawStates(NamedTuple):

@@ -34,14 +34,13 @@ from tune.loop.loop import Filters, Loop
 from tune.loop.plant import WHOLE
 from tune.loop.polynomials import (
     UNIT,
+    ComplexArray,
+    FloatArray,
     companion_roots,
     parts_on_axis,
     peak,
     squared_modulus,
 )
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 VerdictArray = NDArray[np.int8]
 

@@ -25,11 +25,8 @@ from numpy.typing import NDArray
 from tune.documents.profile import Channel, Multiplier
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
-from tune.loop.polynomials import companion_roots
+from tune.loop.polynomials import ComplexArray, FloatArray, companion_roots
 from tune.loop.state_space import Corner, SampledLoop, law_states
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Points in equal ratios from the slowest angle, and as many evenly up to π.
 _POINTS = 160

@@ -11,18 +11,25 @@ changes, and the criterion decides once.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
 from tune.loop.loop import Factors, Loop, Parts, Terms, divided, multiplied
-from tune.loop.polynomials import UNIT, companion_roots, pad_coefficients, product, spread
+from tune.loop.polynomials import (
+    UNIT,
+    ComplexArray,
+    FloatArray,
+    companion_roots,
+    pad_coefficients,
+    parts_on_axis,
+    product,
+    spread,
+)
+from tune.stability.blocks import answered
 from tune.stability.criterion import ULPS, VerdictArray, judge_of, routh
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
 _Ratio = Callable[[FloatArray], Parts]
@@ -64,8 +71,7 @@ def _crossings(
     x and s are (candidates, loops), nan where unused; beside them all roots in x as they were
     found, real or not.
     """
-    even = [_in_x(part[0::2]) for part in (fixed, varied)]
-    odd = [_in_x(part[1::2]) for part in (fixed, varied)]
+    even, odd = zip(parts_on_axis(fixed), parts_on_axis(varied), strict=True)
     resultant = product(odd[1], even[0])
     other = product(even[1], odd[0])
     length = max(len(resultant), len(other))
@@ -97,12 +103,6 @@ def _refined(x: FloatArray, s: FloatArray, ratio: _Ratio) -> FloatArray:
         good = (np.abs(v - start) <= _NEAR * start) & (np.abs(imaginary) <= _NEAR * np.abs(s))
         good &= np.abs(real - s) <= _NEAR * np.abs(s)
         return np.where(good, real, s)
-
-
-def _in_x(part: FloatArray) -> FloatArray:
-    """Powers of w² = -x to powers of x."""
-    signs = (-1.0) ** np.arange(len(part))
-    return part * signs[:, None]
 
 
 def _roots_of(polynomials: FloatArray) -> ComplexArray:
@@ -318,7 +318,7 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
         loop.terms.free.shape[1:], *(value.shape for value in given if value is not None)
     )
     if loop.terms.free.ndim > 1 or (loop.degree != 4 and np.prod(shape) < _MANY):
-        return _answered(_general, loop, effects)[0]
+        return answered(_general, loop, effects)[0]
     present: dict[EffectName, FloatArray] = {
         name: np.broadcast_to(value, shape).reshape(-1)
         for name, value in zip(EFFECT_NAMES, given, strict=True)
@@ -360,7 +360,7 @@ def gain_interval(loop: Loop, effects: Effects) -> Intervals:
         intervals = stable_gains(loop, effects)
         return _pick(intervals, (intervals.low < 1) & (intervals.high > 1))
 
-    return Intervals(*_answered(around_one, loop, effects))
+    return Intervals(*answered(around_one, loop, effects))
 
 
 def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
@@ -373,7 +373,7 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     def from_zero(loop: Loop, effects: Effects) -> tuple[FloatArray]:
         return (_connected_end(stable_gains(loop, effects)),)
 
-    return _answered(from_zero, loop, effects)[0]
+    return answered(from_zero, loop, effects)[0]
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
@@ -434,7 +434,7 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
         return (_connected_end(stable_values(loop, name, effects)),)
 
     others = {key: getattr(effects, key) for key in EFFECT_NAMES if effects and key != name}
-    return _answered(from_zero, loop, Effects(**others))[0]
+    return answered(from_zero, loop, Effects(**others))[0]
 
 
 def stable_values(
@@ -485,23 +485,6 @@ def _general(loop: Loop, effects: Effects) -> tuple[VerdictArray]:
     coefficients, sizes = loop.polynomial(effects)
     start = loop.lowest_power(effects)
     return (routh(coefficients[start:], sizes[start:]),)
-
-
-#: Points beyond which they are looked at in blocks, as `blocks` does.
-_AT_ONCE = 4096
-
-
-def _answered(
-    answer: Callable[[Loop, Effects], tuple[NDArray[Any], ...]], loop: Loop, effects: Effects
-) -> tuple[NDArray[Any], ...]:
-    """What a function answers, in blocks where there are many points."""
-    given = (value.shape for value in effects.arrays() if value is not None)
-    shape = np.broadcast_shapes(loop.terms.free.shape[1:], *given)
-    if np.prod(shape) <= _AT_ONCE:
-        return answer(loop, effects)
-    from tune.stability.blocks import in_blocks
-
-    return in_blocks(answer, loop, effects, shape)
 
 
 def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> FloatArray:

@@ -6,7 +6,7 @@ The box holds every device, hand, delay, gain and combination.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Literal
@@ -51,7 +51,7 @@ _LONGEST_DELAY = 64
 
 _Combination = tuple[str, ...]
 #: Claims of a combination, each with its name, the margin first.
-_NamedClaims = Sequence[tuple[Claim, str]]
+_NamedClaims = list[tuple[Claim, str]]
 
 _METHOD = (
     "no pole can cross the unit circle anywhere in the box: excluded by subdivision with "
@@ -364,17 +364,16 @@ def _judge_combinations(
     is not proved here, nor looked at where the proof is of another combination that covers it.
     """
 
-    def beyond(names: _Combination, claims: Iterable[tuple[Claim, str]]) -> _NamedClaims:
+    def beyond(names: _Combination, claims: _NamedClaims) -> _NamedClaims:
         """What clamps are not to be proved for."""
         known = clamped.get(names)
         return [each for each in claims if known is None or _exceeds(each[0], known)]
 
-    named: list[_NamedClaims] = []
-    for names, _ in played:
-        claims = list(_claims(design, names))
-        named.append(beyond(names, claims) if names in covered else claims)
     rays = [_ray_of(setting) for _, setting in played]
-    named = _outermost(named, rays)
+    all_claims = [(names, list(_claims(design, names))) for names, _ in played]
+    named = _outermost(
+        [beyond(names, each) if names in covered else each for names, each in all_claims], rays
+    )
     asked = [
         (setting, [claim for claim, _ in claims])
         for (_, setting), claims in zip(played, named, strict=True)

@@ -357,16 +357,8 @@ def _steps(
         commanded: float = getattr(element, effect)
         least = _BARELY * commanded
         felt = least if commanded == 0 or felt / commanded < _BARELY else felt
-        seen = _steps_between(design, element, effect, reference, reference + felt)
-        yield f"perceived_steps.{effect}", said, seen, abs(said)
-
-
-def _steps_between(
-    design: Design, element: ElementProfile, effect: str, first: float, second: float
-) -> float:
-    """Steps from one total of an effect, with the device's own, to another."""
-    low, high = (_height(design, element, effect, each) for each in (first, second))
-    return abs(float(high - low))
+        own, both = (_height(design, element, effect, x) for x in (reference, reference + felt))
+        yield f"perceived_steps.{effect}", said, abs(float(both - own)), abs(said)
 
 
 def _height(

@@ -72,20 +72,18 @@ def state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatAr
     return motion, drive, np.pad(encoder, (0, size - count))
 
 
-def _held_motion(
+def held_motion(
     motion: FloatArray, drive: FloatArray, time: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B)."""
+    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B).
+
+    The exponential of a matrix, by scaling and squaring; times are of shape (..., stack).
+    """
     size = motion.shape[-1]
-    augmented = np.zeros((len(motion), size + 1, size + 1))
-    augmented[:, :size, :size] = motion
-    augmented[:, :size, size] = drive
-    whole = exponential(augmented * np.asarray(time)[..., None, None])
-    return whole[:, :size, :size], whole[:, :size, size]
-
-
-def exponential(matrix: FloatArray) -> FloatArray:
-    """e^A of each of a stack, by scaling and squaring."""
+    matrix = np.zeros((len(motion), size + 1, size + 1))
+    matrix[:, :size, :size] = motion
+    matrix[:, :size, size] = drive
+    matrix = matrix * np.asarray(time)[..., None, None]
     norm = np.abs(matrix).sum(axis=-1).max(initial=0.5)
     halvings = max(0, int(np.ceil(np.log2(2 * norm))))
     scaled = matrix / 2.0**halvings
@@ -96,7 +94,7 @@ def exponential(matrix: FloatArray) -> FloatArray:
         total += term
     for _ in range(halvings):
         total = total @ total
-    return total
+    return total[..., :size, :size], total[..., :size, size]
 
 
 def contact_failures(design: Design, name: str) -> Iterator[str]:
@@ -217,9 +215,9 @@ def _bounces(
     # At unit speed the law passes zero so far before the place.
     ahead = setting.damping / setting.stiffness
     rigid = len(region.modes) + 1
-    x = np.stack([_held_motion(motion, drive, t * step)[0][:, :, rigid] for t in places], axis=1)
-    first = _held_motion(motion, drive, part * step)
-    last = _held_motion(motion, drive, (1 - part) * step)
+    x = np.stack([held_motion(motion, drive, t * step)[0][:, :, rigid] for t in places], axis=1)
+    first = held_motion(motion, drive, part * step)
+    last = held_motion(motion, drive, (1 - part) * step)
     window = (setting.velocity_window_samples or 1) if setting.damping else 1
     x[..., 0] -= ahead
     under_way = whole + (part > 0)
@@ -360,9 +358,9 @@ def _transitions(
     commands = np.vstack([newest, np.eye(size)[n : n + under_way]])
     moved = np.repeat(np.eye(size)[None, :n], len(lengths), axis=0)
     if part:
-        free, pushed = _held_motion(motion, drive, part * step * lengths)
+        free, pushed = held_motion(motion, drive, part * step * lengths)
         moved = free @ moved + pushed[:, :, None] * commands[whole + 1]
-    free, pushed = _held_motion(motion, drive, (1 - part) * step * lengths)
+    free, pushed = held_motion(motion, drive, (1 - part) * step * lengths)
     moved = free @ moved + pushed[:, :, None] * commands[whole]
     remembered = np.zeros((law, size))
     remembered[:, n + under_way :] = update

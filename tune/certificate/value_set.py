@@ -325,7 +325,7 @@ class _Scaled:
         dampings: list[Term] = [self.damping, *(a * self.mass for a, _ in self.modes)]
         shared: Term = 0.0
         if self.hand is not None:
-            shared = self.share * _scalar(encoder, handle)
+            shared = self.share * sum(e * h for e, h in zip(encoder, handle, strict=True))
         moved = [(g - shared * p) * self.per_mass for g, p in zip(encoder, handle, strict=True)]
         first: Term = 0.0
         second: Term = 0.0
@@ -386,10 +386,6 @@ def _share(part: Term, whole: Term, weight: float) -> Term:
 def _squares(parts: Iterable[float]) -> float:
     """1 + Σ x²."""
     return float(1 + sum(x * x for x in parts))
-
-
-def _scalar(a: Sequence[float], b: Sequence[float]) -> float:
-    return float(sum(x * y for x, y in zip(a, b, strict=True)))
 
 
 def product_of(terms: Sequence[AffineForm], without: tuple[int, ...] = ()) -> Term:

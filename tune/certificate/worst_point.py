@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.poles import Verdict, judge, law_in_doubles
 from tune.certificate.region import Point, Region, Setting, groups_of_equal_effects
-from tune.certificate.time_domain import exponential, state_space
+from tune.certificate.time_domain import held_motion, state_space
 from tune.certificate.zero_exclusion import Claim
 
 
@@ -92,15 +92,9 @@ def sampled_loops(
     late = delay / step + extra
     whole = np.floor(late + 1e-9)
     fraction = np.clip(late - whole, 0.0, 1.0)
-    size = motion.shape[-1]
-    augmented = np.zeros((len(step), size + 1, size + 1))
-    augmented[:, :size, :size] = motion
-    augmented[:, :size, size] = drive
     times = np.stack([(1 - fraction) * step, fraction * step])
-    after, before = exponential(augmented * times[:, :, None, None])
-    transition = after[:, :size, :size] @ before[:, :size, :size]
-    new = after[:, :size, size]
-    old = (after[:, :size, :size] @ before[:, :size, size:])[..., 0]
+    (after, before), (new, early) = held_motion(motion, drive, times)
+    transition, old = after @ before, (after @ early[..., None])[..., 0]
     denominator, by_new, by_old = _resolvent(transition, read, new, old)
     numerator = np.pad(by_new, ((0, 0), (0, 1))) + np.pad(by_old, ((0, 0), (1, 0)))
     which = np.zeros(len(step), dtype=np.intp) if which is None else which

@@ -23,6 +23,7 @@ from tune.certificate.affine import (
     Term,
     anywhere_between,
     ends_of,
+    inverse,
 )
 from tune.certificate.region import Interval, Region, Setting, Sizes, groups_of_equal_effects
 from tune.certificate.value_set import (
@@ -80,7 +81,7 @@ class Cells:
     def __len__(self) -> int:
         return self.low.shape[1]
 
-    def chosen(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Cells:
+    def chosen(self, which: NDArray[np.bool_] | slice) -> Cells:
         """Some of the cells, by their places or by a mask."""
         return Cells(self.low[:, which], self.high[:, which])
 
@@ -342,7 +343,7 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
     """What may be anywhere in each cell, from the terms of its sides."""
     aliased, terms = _by_reactance(region, terms)
     theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
-    del theta
+    assert isinstance(theta, AffineForm)  # it always has a width
     hand = None
     if region.hand is not None:
         hand = (rest[0], rest[1], rest[2])
@@ -351,7 +352,7 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
         mass=mass,
         damping=damping,
         sample_time=step,
-        delay=_samples(delay, step, extra, terms[0]),
+        delay=theta * 0.0 + (delay * inverse(step) + extra),
         lag=lag,
         position_stiffness=slope,
         hand=hand,
@@ -396,10 +397,3 @@ def values_of(region: Region, place: FloatArray) -> FloatArray:
         way, place = place[both[0]], place.copy()
         place[both[0]], place[both[1]] = heavy - way * (heavy - light), soft + way * (stiff - soft)
     return place
-
-
-def _samples(delay: Term, step: Term, extra: Term, like: Term) -> AffineForm:
-    """τ/T + extra as a form, whatever is known exactly."""
-    assert isinstance(like, AffineForm)  # θ always has a width
-    per_step = step.inverse() if isinstance(step, AffineForm) else 1 / step
-    return like * 0.0 + (delay * per_step + extra)

@@ -41,6 +41,7 @@ from tune.loop.polynomials import (
     FloatArray,
     Polynomial,
     pad_coefficients,
+    product,
     slope,
     spread,
 )
@@ -509,14 +510,17 @@ def stack_loops(loops: Sequence[Loop]) -> Loop:
     lifts = [degree - loop.degree for loop in loops]
 
     def joined(parts: Sequence[FloatArray], *, lift: bool = True) -> FloatArray:
-        raised = [_raised(part, by if lift else 0) for part, by in zip(parts, lifts, strict=True)]
+        raised = list(parts)
+        for place, times in enumerate(lifts if lift else ()):
+            for _ in range(times):
+                raised[place] = product(raised[place], LATE.value)
         length = max(len(one) for one in raised)
         return np.concatenate([pad_coefficients(one, length) for one in raised], axis=1)
 
     # Only what belongs to the plant is raised; the law stays as it is.
     transfers = zip(*(loop.transfer for loop in loops), strict=True)
-    stiffness, damping, mass = (
-        np.concatenate(parts) for parts in zip(*(loop.scales for loop in loops), strict=True)
+    stiffness, damping, mass = map(
+        np.concatenate, zip(*(loop.scales for loop in loops), strict=True)
     )
     return Loop(
         terms=Terms(*map(joined, zip(*(loop.terms for loop in loops), strict=True))),
@@ -525,14 +529,6 @@ def stack_loops(loops: Sequence[Loop]) -> Loop:
         scales=(stiffness, damping, mass),
         grounded=loops[0].grounded,
     )
-
-
-def _raised(part: FloatArray, times: int) -> FloatArray:
-    """Multiplied by (1+w) so many times."""
-    for _ in range(times):
-        part = np.concatenate([part, np.zeros_like(part[:1])])
-        part[1:] += part[:-1].copy()
-    return part
 
 
 #: Newton steps on the roots that the eigenvalues gave to six digits or more.

@@ -516,9 +516,13 @@ def _general_equivalent(
         denominators.append(line)
         numerators.append(held.times(at_lag[0].plus(*at_lag[1:])))
     late = samples if fraction is None else samples + 1
-    early = _repeated(EARLY, samples + 1)
+    # The numerator of the sum of fractions over the product of all denominators.
+    first, *others = (
+        numerator.times(*denominators[:k], *denominators[k + 1 :])
+        for k, numerator in enumerate(numerators)
+    )
     return HoldEquivalent(
-        numerator=early.times(_over_all(numerators, denominators)),
+        numerator=_repeated(EARLY, samples + 1).times(first.plus(*others)),
         denominator=_repeated(LATE, late).times(*denominators),
         early=samples + 1,
         late=late,
@@ -536,15 +540,6 @@ def _weighted(polynomial: Polynomial, share: Polynomial, power: int) -> Polynomi
     """One coefficient of a share times a polynomial."""
     one = slice(power, power + 1)
     return polynomial.times(Polynomial(value=share.value[one], size=share.size[one]))
-
-
-def _over_all(numerators: list[Polynomial], denominators: list[Polynomial]) -> Polynomial:
-    """The numerator of the sum of fractions over the product of all denominators."""
-    terms = [
-        numerator.times(*(other for j, other in enumerate(denominators) if j != k))
-        for k, numerator in enumerate(numerators)
-    ]
-    return terms[0].plus(*terms[1:])
 
 
 def _blurred(polynomial: Polynomial, blur: FloatArray) -> Polynomial:

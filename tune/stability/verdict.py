@@ -313,17 +313,14 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     Of the broadcast shape of loop and effects. Without stiffness the pole of free motion is left
     out of the judgement.
     """
-    given = effects.arrays()
+    names = zip(EFFECT_NAMES, effects.arrays(), strict=True)
+    given = {name: value for name, value in names if value is not None}
     shape = np.broadcast_shapes(
-        loop.terms.free.shape[1:], *(value.shape for value in given if value is not None)
+        loop.terms.free.shape[1:], *(value.shape for value in given.values())
     )
     if loop.terms.free.ndim > 1 or (loop.degree != 4 and np.prod(shape) < _MANY):
         return answered(_general, loop, effects)[0]
-    present: dict[EffectName, FloatArray] = {
-        name: np.broadcast_to(value, shape).reshape(-1)
-        for name, value in zip(EFFECT_NAMES, given, strict=True)
-        if value is not None
-    }
+    present = {name: np.broadcast_to(each, shape).reshape(-1) for name, each in given.items()}
     result = np.empty(int(np.prod(shape)), dtype=np.int8)
     judge = judge_of(
         _table(loop, loop.terms, present),
@@ -369,11 +366,9 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     This, not the end of the interval around 1, is the gain margin of a profile: ramps, fades and
     saturation all lower the gain (docs/theory.md, 4).
     """
-
-    def from_zero(loop: Loop, effects: Effects) -> tuple[FloatArray]:
-        return (_connected_end(stable_gains(loop, effects)),)
-
-    return answered(from_zero, loop, effects)[0]
+    return answered(
+        lambda loop, effects: _connected_end(stable_gains(loop, effects)), loop, effects
+    )[0]
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
@@ -429,12 +424,12 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
         K in N/m, B in N·s/m or M in kg, of the broadcast shape; 0 where not even an arbitrarily
         small positive value is stable, inf where there is no limit.
     """
-
-    def from_zero(loop: Loop, effects: Effects) -> tuple[FloatArray]:
-        return (_connected_end(stable_values(loop, name, effects)),)
-
     others = {key: getattr(effects, key) for key in EFFECT_NAMES if effects and key != name}
-    return answered(from_zero, loop, Effects(**others))[0]
+    return answered(
+        lambda loop, effects: _connected_end(stable_values(loop, name, effects)),
+        loop,
+        Effects(**others),
+    )[0]
 
 
 def stable_values(
@@ -487,7 +482,7 @@ def _general(loop: Loop, effects: Effects) -> tuple[VerdictArray]:
     return (routh(coefficients[start:], sizes[start:]),)
 
 
-def _table(loop: Loop, terms: Terms, present: Mapping[EffectName, object]) -> FloatArray:
+def _table(loop: Loop, terms: Terms, present: Mapping[str, object]) -> FloatArray:
     """(degree+1, 1 + effects): what is fixed and what each effect present adds for each unit."""
     parts = zip(EFFECT_NAMES, terms[1:], loop.scales, strict=True)
     added = [part * scale for name, part, scale in parts if name in present]
@@ -498,9 +493,9 @@ def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:
     return np.broadcast_to(spread(coefficients, total.shape[1:]), total.shape)
 
 
-def _connected_end(intervals: Intervals) -> FloatArray:
+def _connected_end(intervals: Intervals) -> tuple[FloatArray]:
     """The end of the interval that begins at zero; 0 where none does."""
-    return np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf)
+    return (np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf),)
 
 
 def _pick(intervals: Intervals, wanted: NDArray[np.bool_]) -> Intervals:

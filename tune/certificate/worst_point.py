@@ -354,7 +354,6 @@ class _Climb:
 
 def _worst(region: Region, setting: Setting, box: _Box, candidates: FloatArray) -> WorstCase:
     """The worst of some points, one a column, in many digits; one met twice is judged once."""
-    worst: WorstCase | None = None
     known: dict[bytes, WorstCase] = {}
     for column in candidates.T:
         place = column.tobytes()
@@ -362,15 +361,9 @@ def _worst(region: Region, setting: Setting, box: _Box, candidates: FloatArray) 
             point = region.point(column[:-1], float(column[-1]))
             verdict = judge(point, setting, box.claim.gain)
             known[place] = WorstCase(point=point, verdict=verdict, judged=candidates.shape[1])
-        one = known[place]
-        if worst is None or _badness(one.verdict) > _badness(worst.verdict):
-            worst = one
-    assert worst is not None
-    return worst
-
-
-def _badness(verdict: Verdict) -> tuple[bool, float]:
-    return verdict.answer != "stable", verdict.radius
+    return max(
+        known.values(), key=lambda each: (each.verdict.answer != "stable", each.verdict.radius)
+    )
 
 
 @lru_cache(maxsize=16)

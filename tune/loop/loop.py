@@ -564,10 +564,8 @@ def closed_loop(loop: Loop, effects: Effects) -> ClosedLoop:
     Where nothing holds the position the pole of free motion, w = 0, is divided out of D and N.
     """
     closed, _ = loop.polynomial(effects)
-    added = np.zeros_like(closed)
-    for term, value in zip(loop.terms[1:], loop.dimensionless_effects(effects), strict=True):
-        if value is not None:
-            added += term * value
+    nothing_free = loop.terms._replace(free=np.zeros_like(closed))
+    added = _combine(nothing_free, loop.dimensionless_effects(effects))
     drop = loop.lowest_power(effects)
     return ClosedLoop(
         open=loop.terms.free[drop:],

@@ -172,13 +172,26 @@ class Mechanism:
         return cls(motion=motion, drive=drive, read=read, speed=count)
 
     def held(self, time: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-        """(Φ, Γ) of x(t) = Φ·x(0) + Γ·F under a constant force, for times of any shape, s."""
+        """(Φ, Γ) of x(t) = Φ·x(0) + Γ·F under a constant force, for times of any shape, s.
+
+        The exponential of a matrix, by scaling and squaring.
+        """
         size = len(self.drive)
-        augmented = np.zeros((size + 1, size + 1))
-        augmented[:size, :size] = self.motion
-        augmented[:size, size] = self.drive
-        both = exponential(augmented * np.asarray(time)[..., None, None])
-        return both[..., :size, :size], both[..., :size, size]
+        matrix = np.zeros((size + 1, size + 1))
+        matrix[:size, :size] = self.motion
+        matrix[:size, size] = self.drive
+        matrix = matrix * np.asarray(time)[..., None, None]
+        norm = float(np.abs(matrix).sum(axis=-1).max(initial=0.5))
+        halvings = max(0, int(np.ceil(np.log2(2 * norm))))
+        scaled = matrix / 2.0**halvings
+        term = np.broadcast_to(np.eye(size + 1), matrix.shape)
+        total = term.copy()
+        for order in range(1, _TAYLOR):
+            term = term @ scaled / order
+            total = total + term
+        for _ in range(halvings):
+            total = total @ total
+        return total[..., :size, :size], total[..., :size, size]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,21 +279,6 @@ class SampledLoop:
         at_rest = np.asarray(np.linalg.solve(left, drive), dtype=np.float64)
         behind = np.asarray(np.linalg.solve(left, at_rest * advance), dtype=np.float64)
         return at_rest[:, None] * reading - behind[:, None]
-
-
-def exponential(matrix: FloatArray) -> FloatArray:
-    """e^A of each matrix of a stack, shape (..., n, n), by scaling and squaring."""
-    norm = float(np.abs(matrix).sum(axis=-1).max(initial=0.5))
-    halvings = max(0, int(np.ceil(np.log2(2 * norm))))
-    scaled = matrix / 2.0**halvings
-    term = np.broadcast_to(np.eye(matrix.shape[-1]), matrix.shape)
-    total = term.copy()
-    for order in range(1, _TAYLOR):
-        term = term @ scaled / order
-        total = total + term
-    for _ in range(halvings):
-        total = total @ total
-    return total
 
 
 #: Samples beyond which half a period of the device on a spring is no bounce off a wall.

@@ -71,7 +71,6 @@ __all__ = [
     "verify",
 ]
 
-Range = tuple[float, float]
 
 #: Count of the log against the encoder of the device.
 _COUNT_TOLERANCE = 0.02
@@ -445,9 +444,12 @@ def verification_picture(seen: Verification) -> Figure:
     above, below, left = figure.subplots(3, 1, sharex=True)
     device = seen.profile.device
     units = UNITS[device.motion]
-    _motion(above, seen)
+    time, measured = seen.trajectory.time, None if seen.motion is None else seen.motion.measured
+    above.plot(time, seen.trajectory.position, color="0.5", lw=2, label="logged")
+    if measured is not None:
+        above.plot(time[measured.rows], measured.fitted, color="#E69F00", lw=0.8, label="fitted")
     above.set_ylabel(f"position, {units['length']}")
-    time, said = seen.trajectory.time, "law of the profile on the logged positions"
+    said = "law of the profile on the logged positions"
     below.plot(time, seen.trajectory.force, color="0.5", lw=2, label="logged")
     below.plot(time, seen.law.predicted, color="#0072B2", lw=0.8, ls="--", label=said)
     below.set_ylabel(f"force, {units['force']}")
@@ -465,21 +467,10 @@ def verification_picture(seen: Verification) -> Figure:
 
 def _residual(axes: Axes, seen: Verification) -> None:
     """What the law leaves of the force, on the scale of the force where the two disagree."""
-    verdict = next((each.verdict for each in seen.outcomes if each.check == "law"), "agrees")
+    verdict = seen.law.outcomes[0].verdict
     left = seen.trajectory.force - seen.law.predicted
     color = "#D55E00" if verdict == "disagrees" else "#009E73"
     axes.plot(seen.trajectory.time, left, color=color, lw=0.8, label=f"law {verdict}")
     most = float(np.nanmax(np.abs(seen.trajectory.force), initial=0.0))
     if most > 0:
         axes.set_ylim(-most, most)
-
-
-def _motion(axes: Axes, seen: Verification) -> None:
-    trajectory, motion = seen.trajectory, seen.motion
-    axes.plot(trajectory.time, trajectory.position, color="0.5", lw=2, label="logged")
-    if motion is None or motion.measured is None:
-        return
-    measured = motion.measured
-    axes.plot(
-        trajectory.time[measured.rows], measured.fitted, color="#E69F00", lw=0.8, label="fitted"
-    )

@@ -156,15 +156,27 @@ def measure_sprung(
 
     Friction is measured where the handle turns, which two turning points at least tell from decay.
     """
-    rows = _rows(release.end - release.first)
+    time: FloatArray = np.arange(release.end - release.first, dtype=np.float64) * sample_time
+    rows = _rows(time.size)
     if release.turns:
-        half = float(np.diff([release.first, *release.turns]).mean()) * sample_time
+        turns = np.array([release.first, *release.turns])
+        half = float(np.diff(turns).mean()) * sample_time
         starts = [[np.log(np.pi / half), ratio] for ratio in (0.03, 0.3, 0.7)]
+        # -sign of the speed.
+        senses = -np.sign(np.diff(position[turns]))
+        sense = np.repeat(np.append(senses, -senses[-1]), np.diff(np.append(turns, release.end)))
     else:
-        starts = [[np.log(start[0]), start[1] / start[0]]]
-    columns = _sprung_columns(position, sample_time, release, rows)
-    rows = release.first + rows
-    return _fitted(columns, position, rows, starts, _BOUNDS, _frequency_and_decay)
+        starts, sense = [[np.log(start[0]), start[1] / start[0]]], None
+
+    def columns(theta: FloatArray) -> FloatArray:
+        """Oscillation and place of rest, and friction where the handle turns."""
+        w0, ratio = float(np.exp(theta[0])), float(theta[1])
+        parts = [*_second_order(w0, ratio, time), np.ones(time.size)]
+        if sense is not None:
+            parts.append(_answer(sense, w0, ratio, sample_time))
+        return np.column_stack(parts)[rows]
+
+    return _fitted(columns, position, release.first + rows, starts, _BOUNDS, _frequency_and_decay)
 
 
 def measure_unsprung(
@@ -193,23 +205,6 @@ def _rows(count: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, min(count, _MOST_ROWS)).round().astype(np.intp))
 
 
-def _sprung_columns(
-    position: FloatArray, sample_time: float, release: Release, rows: NDArray[np.intp]
-) -> _Columns:
-    """Oscillation and place of rest, and friction where the handle turns."""
-    time: FloatArray = np.arange(release.end - release.first, dtype=np.float64) * sample_time
-    sense = _friction(position, release)
-
-    def columns(theta: FloatArray) -> FloatArray:
-        w0, ratio = float(np.exp(theta[0])), float(theta[1])
-        parts = [*_second_order(w0, ratio, time), np.ones(time.size)]
-        if sense is not None:
-            parts.append(_answer(sense, w0, ratio, sample_time))
-        return np.column_stack(parts)[rows]
-
-    return columns
-
-
 def _second_order(natural: float, ratio: float, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two independent solutions of q̈ + 2ζω₀·q̇ + ω₀²·q = 0, of one size, smooth through ζ = 1."""
     decay = ratio * natural
@@ -223,15 +218,6 @@ def _second_order(natural: float, ratio: float, time: FloatArray) -> tuple[Float
     slow, fast = np.exp(-(decay - root) * time), np.exp(-(decay + root) * time)
     apart = (slow - fast) / (2 * root) if root > 0 else time * slow
     return (slow + fast) / 2, natural * apart
-
-
-def _friction(position: FloatArray, release: Release) -> FloatArray | None:
-    """-sign of the speed, from the turning points; None where the handle does not turn."""
-    if not release.turns:
-        return None
-    turns = np.array([release.first, *release.turns])
-    senses = -np.sign(np.diff(position[turns]))
-    return np.repeat(np.append(senses, -senses[-1]), np.diff(np.append(turns, release.end)))
 
 
 def _answer(shift: FloatArray, natural: float, ratio: float, sample_time: float) -> FloatArray:

@@ -187,11 +187,9 @@ def _judged(
 
 def digits_of(profile: Design, axes: Sequence[Trajectory], direction: Sequence[float]) -> Digits:
     """What rounding to the printed digits leaves of a log in a direction, a unit vector."""
-    force = [part * _decimal_digit(each.force) for part, each in zip(direction, axes, strict=True)]
-    position = [
-        part * _position_digit(profile, each.position)
-        for part, each in zip(direction, axes, strict=True)
-    ]
+    parts = np.array(direction)
+    force = parts * [_decimal_digit(each.force) for each in axes]
+    position = parts * [_position_digit(profile, each.position) for each in axes]
     return Digits(force=float(np.linalg.norm(force)), position=float(np.linalg.norm(position)))
 
 
@@ -523,12 +521,11 @@ def _best_cutoff(residual: Callable[[float], float], highest: float) -> float:
     places = np.geomspace(_LOWEST, highest, _PLACES)
     values = [residual(float(place)) for place in places]
     best = int(np.argmin(values))
-    low, high = places[max(best - 1, 0)], places[min(best + 1, _PLACES - 1)]
-
-    def at(logarithm: float) -> float:
-        return residual(float(np.exp(logarithm)))
-
+    ends = np.log([places[max(best - 1, 0)], places[min(best + 1, _PLACES - 1)]])
     found = minimize_scalar(
-        at, bounds=(np.log(low), np.log(high)), method="bounded", options={"xatol": _FINE}
+        lambda logarithm: residual(float(np.exp(logarithm))),
+        bounds=(ends[0], ends[1]),
+        method="bounded",
+        options={"xatol": _FINE},
     )
     return float(np.exp(found.x))

@@ -57,7 +57,7 @@ def motion(
     *,
     seed: int,
     delay: float = STEP,
-    rows: int = 4000,
+    rows: int = 2500,
     most: float = 12.0,
     own: float = 1.0,
     noise: float = 5e-6,

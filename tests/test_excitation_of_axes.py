@@ -93,7 +93,7 @@ def test_devices_that_are_light_in_any_direction_stay_within_the_travel() -> Non
         "coulomb_friction": (0.5, 0.7, 1.0),
     }
     guesses = {k: {"low": low, "value": at, "high": high} for k, (low, at, high) in ranges.items()}
-    plan = plan_axes(spec(duration=4.0, **guesses))
+    plan = plan_axes(spec(duration=2.0, **guesses))
     turns = np.pi * np.arange(24) / 24
     units = np.stack((np.cos(turns), np.sin(turns)), axis=1)
     mass = 4.2 * np.eye(2) - 2.4 * units[:, :, None] * units[:, None, :]
@@ -141,7 +141,9 @@ def test_what_cannot_be_planned_is_refused_in_a_sentence() -> None:
 def test_the_command_writes_a_column_an_axis() -> None:
     """A gentle play of what is hardly known, seen in a table and a picture."""
     content = {name: each for name, each in LIMITS.items() if name != "speed"}
-    text = to_yaml({"schema": "haptune/excitation/1"} | content | {"gentle": True}, "")
+    text = to_yaml(
+        {"schema": "haptune/excitation/1"} | content | {"gentle": True, "duration": 1.2}, ""
+    )
     Path("excitation.yaml").write_text(text, encoding="utf-8")
     run = haptune("excite", "excitation.yaml", "-o", "force.csv", "--picture", "plan.png")
     assert run.code == 0

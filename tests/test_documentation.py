@@ -34,8 +34,6 @@ PLAYED, GAIN = "rubber", 0.3
 DEMONSTRATED = {"device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png"}
 _BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
-#: The README is read in one go.
-README_LINES = 150
 
 
 def _blocks() -> Iterator[tuple[str, str, str]]:
@@ -102,11 +100,6 @@ def test_every_block_is_in_a_language_that_is_run_or_shown() -> None:
 def test_no_command_stands_outside_a_block_that_is_run() -> None:
     for page in PAGES:
         assert not re.search(r"^(    |\t)haptune ", page.read_text(encoding="utf-8"), re.MULTILINE)
-
-
-def test_the_readme_is_short() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= README_LINES
 
 
 def broken_links(page: Path) -> list[str]:

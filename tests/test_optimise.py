@@ -64,16 +64,6 @@ def test_a_lone_spring_is_the_closed_form_at_the_worst_corner() -> None:
     assert {"damping", "mass", "hand", "modes"} <= set(profile.skipped)
 
 
-@pytest.mark.parametrize("margin", ["conservative", "balanced", "firm"])
-def test_margins_order_the_stiffness(margin: str) -> None:
-    numbers = {"conservative": (3.0, 2), "balanced": (2.0, 1), "firm": (1.5, 1)}
-    gain, extra = numbers[margin]
-    profile = optimise(_device(**UNLIMITED), _scene({"wall": {"stiffness": "max"}}, margin=margin))
-    claimed = profile.elements["wall"].margins
-    assert claimed.gain >= gain
-    assert claimed.extra_delay_samples >= extra
-
-
 #: Enough damping for what a mass brings of it to make no step.
 THICK = {"damping": 60.0}
 #: Filters with which a mass is felt as one: two equal poles would lag too much.
@@ -339,14 +329,6 @@ def test_an_element_that_is_not_proved_is_left_out_and_the_rest_tuned(
     with pytest.raises(CheckFailedError, match="not proved stable with its clamps"):
         optimise(_vibrating(60.0), _scene(wall, loop=loop), progress=said.append)
     assert said.count("certifying") == 2  # the second time with all the slack there is
-
-
-def test_an_effect_no_hand_can_tell_is_dropped_and_said_so() -> None:
-    profile = optimise(_device(), _scene({"wall": {"stiffness": "max"}, "dust": {"damping": 0.1}}))
-    dust = profile.elements["dust"]
-    assert dust.damping == 0.0
-    assert dust.limited_by == {"damping": "not-perceptible"}
-    assert any("dust.damping dropped" in note for note in profile.notes)
 
 
 @pytest.mark.parametrize("seed", thinned(range(3), 1))

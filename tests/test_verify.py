@@ -376,11 +376,7 @@ def test_the_command_compares_draws_and_ends_with_its_code(here: Path) -> None:
 
 ELEMENTS = {"rubber": (1400.0, 0.0, 0.0), "wall": (1155.0, 82.0, 0.0), "cup": (0.0, 0.0, 1.44)}
 BENCH = Bench(
-    mass=3.0,
-    damping=10.0,
-    coulomb_friction=0.8,
-    encoder_resolution=6e-6,
-    force_limit=28.0,
+    **AXIS.truth,
     start=0.02,
     elements=ELEMENTS,
     velocity_filter_hz=134.1,

@@ -9,14 +9,14 @@ import secrets
 import shutil
 import stat
 import sys
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from inspect import Parameter, Signature
 from io import StringIO
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar, cast, get_args
+from typing import Any, NoReturn, TypeVar, cast, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
@@ -95,14 +95,27 @@ class Document(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         cls.__signature__ = _KeyNames()  # pyright: ignore[reportAttributeAccessIssue]
 
-    @field_validator("*", mode="before")
+    @field_validator("*", mode="wrap")
     @classmethod
-    def _no_flag_for_a_number(cls, raw: Any, info: ValidationInfo) -> Any:
-        """True is 1 to Python; to whoever wrote the file it is a mistake."""
+    def _as_read(cls, raw: Any, valid: Callable[[Any], Any], info: ValidationInfo) -> Any:
+        """True is 1 to Python; to whoever wrote the file it is a mistake. Mappings stay as read."""
         allowed = cls.model_fields[info.field_name or ""].annotation
         if _holds_flag(raw) and allowed is not bool and bool not in get_args(allowed):
             raise ValueError("true and false are no numbers")
-        return raw
+        value = valid(raw)
+        return _ReadOnly(cast("dict[str, Any]", value)) if type(value) is dict else value
+
+
+class _ReadOnly(dict[str, Any]):
+    """A mapping of a document, which is what was validated for as long as it lives."""
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise TypeError("a document is read-only; model_copy(update=...) makes another one")
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> tuple[type[dict[str, Any]], tuple[dict[str, Any]]]:
+        return type(self), (dict(self),)
 
 
 def _holds_flag(raw: object) -> bool:
@@ -193,8 +206,7 @@ def _round_all(value: Any) -> Any:
 
 def to_mapping(document: Document) -> dict[str, Any]:
     """The document as plain YAML types, numbers rounded to twelve digits, absent keys left out."""
-    content = document.model_dump(mode="json", by_alias=True, exclude_none=True)
-    return {key: _round_all(value) for key, value in content.items()}
+    return _round_all(document.model_dump(mode="json", by_alias=True, exclude_none=True))
 
 
 def as_stored(document: _Model) -> _Model:

@@ -57,4 +57,4 @@ def made(
     )
     seal = tuned().certificate.model_copy(update={"absolute_stability": {"any": proof}})
     new = {"device": device, "elements": elements, "loop": loop, "certificate": seal}
-    return tuned().model_copy(update={**new, "together": together, "apart": apart})
+    return tuned().model_copy(update={**new, "together": together, "apart": apart}).signed()

@@ -47,13 +47,13 @@ LOOPS: dict[str, dict[str, Any]] = {
 
 @functools.cache
 def tuned() -> SafeProfile:
-    return optimise(load_device("homerehab"), Scene.model_validate(SCENE)).signed()
+    return optimise(load_device("homerehab"), Scene.model_validate(SCENE))
 
 
 def changed(**loop: Any) -> SafeProfile:
     """The tuned profile with another loop; what is exported does not depend on its margins."""
     profile = tuned()
-    return profile.model_copy(update={"loop": profile.loop.model_copy(update=loop)})
+    return profile.model_copy(update={"loop": profile.loop.model_copy(update=loop)}).signed()
 
 
 def walled(**loop: Any) -> SafeProfile:
@@ -62,13 +62,14 @@ def walled(**loop: Any) -> SafeProfile:
     wall = profile.elements["wall"].model_copy(update={"one_sided": True})
     other = wall.model_copy(update={"damping": 20.0, "force_level": 10.0})
     elements = {**profile.elements, "wall": wall, "other": other}
-    return profile.model_copy(update={"elements": elements, "apart": (("other", "cup"),)})
+    return profile.model_copy(update={"elements": elements, "apart": (("other", "cup"),)}).signed()
 
 
 def on_axes(count: int, profile: SafeProfile | None = None) -> SafeProfile:
     """That profile, or another one, of a device of so many axes, as an export sees it."""
     made, names = profile or walled(), ("x", "y", "z", "u", "v", "w")[:count]
-    return made.model_copy(update={"device": made.device.model_copy(update={"axes": names})})
+    device = made.device.model_copy(update={"axes": names})
+    return made.model_copy(update={"device": device}).signed()
 
 
 def renamed(*names: str) -> SafeProfile:
@@ -80,7 +81,7 @@ def renamed(*names: str) -> SafeProfile:
             "elements": {new[name]: element for name, element in profile.elements.items()},
             "together": tuple(tuple(new[name] for name in group) for group in profile.together),
         }
-    )
+    ).signed()
 
 
 def poles(cutoff: float | None, order: int, ratio: float) -> Array:

@@ -593,6 +593,29 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k after_it_was_signed",
         ("the digest", 'if content.get("digest") != expected:', 'if content.get("digest") == "":'),
     ),
+    *_of(
+        "tune/documents/profile.py",
+        "tests/test_export.py -k signed_anew",
+        (
+            "a profile signed anew as it is written",
+            'signed_content(to_mapping(self), f"the',
+            'signed_content(to_mapping(self.signed()), f"the',
+        ),
+    ),
+    *_of(
+        "tune/exporters/__init__.py",
+        "tests/test_export.py -k signed_anew",
+        ("the digest of an export", "signed_content(to_mapping(profile), f", "str(f"),
+    ),
+    *_of(
+        "identification/documents.py",
+        "tests/test_export.py -k signed_anew",
+        (
+            "a mapping that is changed",
+            "if type(value) is dict else value",
+            "if raw is cls else value",
+        ),
+    ),
     # Limits of the tuner.
     *_of(
         "tune/optimisation/feasibility.py",

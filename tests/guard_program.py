@@ -91,7 +91,7 @@ def profile() -> SafeProfile:
     """The tuned profile, its wall one that pushes only."""
     made = tuned()
     wall = made.elements["wall"].model_copy(update={"one_sided": True})
-    return made.model_copy(update={"elements": {**made.elements, "wall": wall}})
+    return made.model_copy(update={"elements": {**made.elements, "wall": wall}}).signed()
 
 
 def plays() -> list[Play]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import json
+import pickle
 import re
 import subprocess
 from collections.abc import Mapping
@@ -18,7 +20,7 @@ from identification import InvalidInputError, UnstatedError, to_mapping, to_yaml
 from tests.commands import digest_of, files, haptune
 from tests.exported import FADE, LOOPS, changed, on_axes, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune import export
+from tune import CheckFailedError, export
 from tune.exporters import TARGETS, Target
 
 HOSTILE = (
@@ -226,19 +228,35 @@ def test_chai3d_plays_several_axes_as_vectors(tmp_path: Path) -> None:
 def test_a_limit_that_nobody_stated_is_not_exported(target: Target) -> None:
     device = tuned().device.model_copy(update={"force_limit": None})
     with pytest.raises(UnstatedError, match="force_limit") as caught:
-        export(tuned().model_copy(update={"device": device}), target)
+        export(tuned().model_copy(update={"device": device}).signed(), target)
     assert [fact.key for fact in caught.value.missing] == ["force_limit"]
+
+
+def test_what_was_changed_after_it_was_certified_is_neither_exported_nor_signed_anew() -> None:
+    rubber = tuned().elements["rubber"].model_copy(update={"stiffness": 9e5})
+    with pytest.raises(TypeError, match="read-only"):
+        tuned().elements["rubber"] = rubber
+    for copied in (pickle.loads(pickle.dumps(tuned())), copy.deepcopy(tuned())):  # noqa: S301
+        assert copied == tuned()
+        with pytest.raises(TypeError, match="read-only"):
+            copied.elements.pop("rubber")
+    stiff = tuned().model_copy(update={"elements": {**tuned().elements, "rubber": rubber}})
+    for target in TARGETS:
+        with pytest.raises(CheckFailedError, match="was changed after it was certified"):
+            export(stiff, target)
+    with pytest.raises(CheckFailedError, match="was changed after it was certified"):
+        stiff.to_yaml()
 
 
 def test_more_elements_than_bits_are_refused() -> None:
     profile = tuned()
     element = profile.elements["wall"]
     many = {f"e{k}": element for k in range(65)}
-    profile = profile.model_copy(update={"elements": many, "together": ()})
+    profile = profile.model_copy(update={"elements": many, "together": ()}).signed()
     with pytest.raises(InvalidInputError, match="has 65, a guard holds 64"):
         export(profile, "c")
     many.pop("e64")
-    text = export(profile.model_copy(update={"elements": many}), "c")["haptune_guard.c"]
+    text = export(profile.model_copy(update={"elements": many}).signed(), "c")["haptune_guard.c"]
     assert "known = UINT64_C(0xffffffffffffffff);" in text
 
 

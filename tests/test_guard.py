@@ -81,7 +81,7 @@ def unlimited(profile: SafeProfile) -> SafeProfile:
     device = profile.device.model_copy(update={"force_limit": BOUNDLESS})
     wall = profile.elements["wall"].model_copy(update={"force_level": BOUNDLESS.peak})
     elements = {**profile.elements, "wall": wall}
-    return profile.model_copy(update={"device": device, "elements": elements})
+    return profile.model_copy(update={"device": device, "elements": elements}).signed()
 
 
 def simulated(profile: SafeProfile) -> Controller:
@@ -152,7 +152,7 @@ def test_springs_are_cut_at_their_levels_and_the_sum_at_the_peak(tmp_path: Path)
         name: element.model_copy(update={"force_level": 20.0})
         for name, element in profile.elements.items()
     }
-    profile = profile.model_copy(update={"elements": elements})
+    profile = profile.model_copy(update={"elements": elements}).signed()
     guard = built(export(profile, "c"), tmp_path)
     for side in (1, -1):
         for touched, most in ((1, 20.0), (3, 28.0)):
@@ -169,6 +169,6 @@ def test_files_of_two_profiles_and_fast_math_do_not_compile(tmp_path: Path) -> N
     assert compiles(tmp_path) == ""
     assert compiles(tmp_path, "-x", "c++", standard="c++11") == ""
     assert "-ffast-math" in compiles(tmp_path, "-ffast-math")
-    other = export(tuned().model_copy(update={"digest": "sha256:" + "12" * 32}), "c")
+    other = export(tuned().model_copy(update={"notes": ("another",)}).signed(), "c")
     write({"haptune_guard.h": other["haptune_guard.h"]}, tmp_path)
     assert "another profile" in compiles(tmp_path)

@@ -195,7 +195,7 @@ def test_what_cannot_be_played_so_is_refused_by_check(
 def test_a_fade_that_the_profile_does_not_state_is_not_exported() -> None:
     cup = tuned().elements["cup"].model_copy(update={"fade_time": 0.0})
     profile = changed()
-    profile = profile.model_copy(update={"elements": {**profile.elements, "cup": cup}})
+    profile = profile.model_copy(update={"elements": {**profile.elements, "cup": cup}}).signed()
     for target in ("c", "chai3d", "json", "ros2"):
         with pytest.raises(InvalidInputError, match="no fade_time"):
             export(profile, target)

@@ -37,7 +37,7 @@ def scene() -> SafeProfile:
         taps=TAPS,
     )
     soft = profile.elements["wall 3"].model_copy(update={"force_level": LEVEL})
-    return profile.model_copy(update={"elements": {**profile.elements, "wall 3": soft}})
+    return profile.model_copy(update={"elements": {**profile.elements, "wall 3": soft}}).signed()
 
 
 @pytest.fixture(scope="module", params=["c", "python"])

@@ -375,7 +375,7 @@ def _pushing(extra: int) -> SafeProfile:
     wall = profile.elements["wall"].model_copy(update={"stiffness": 0.0, "damping": 30.0})
     seal = profile.certificate.model_copy(update={"extra_delay_samples": float(extra)})
     elements = {**profile.elements, "wall": wall}
-    return profile.model_copy(update={"elements": elements, "certificate": seal})
+    return profile.model_copy(update={"elements": elements, "certificate": seal}).signed()
 
 
 @pytest.fixture(params=[1, 2])
@@ -580,7 +580,7 @@ def test_files_of_two_profiles_do_not_load_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     one = export(tuned(), "ros2")
-    other = export(tuned().model_copy(update={"digest": "sha256:" + "12" * 32}), "ros2")
+    other = export(tuned().model_copy(update={"notes": ("another",)}).signed(), "ros2")
     own, foreign = (parameters_of(each["haptune_params.yaml"]) for each in (one, other))
     write(one, tmp_path)
     ros = Middleware(tmp_path, foreign, monkeypatch)

@@ -652,7 +652,7 @@ def test_a_wall_pushes_back_to_the_nearest_place_of_its_room(
     """A hand that has come to rest beyond faces of any angles, sharp corners among them."""
     made = on_axes(axes)
     wall = made.elements["wall"].model_copy(update={"force_level": 9.0})
-    made = made.model_copy(update={"elements": {**made.elements, "wall": wall}})
+    made = made.model_copy(update={"elements": {**made.elements, "wall": wall}}).signed()
     guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
     cuts = 0
     for seed in range(8):

@@ -212,7 +212,7 @@ def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bo
         profile = _optimise_to_rest(session, device, wish)
     trusted = trusted_facts(profile.device)
     session.details |= {
-        "profile": ident.to_mapping(profile.signed()),
+        "profile": ident.to_mapping(profile),
         "taken_on_trust": trusted,
         "rehearsed": "settles",
     }
@@ -406,7 +406,7 @@ def export_command(
 ) -> None:
     """Files for a controller, from a profile whose digest and certificate are checked first."""
     from tune.certificate.check import check
-    from tune.exporters import digest, export
+    from tune.exporters import export
 
     targets = _targets(to)
     called = _node(node, targets)
@@ -436,7 +436,7 @@ def export_command(
     others = [
         path
         for folder in (output, output / _PACKAGE)
-        for path in _of_other_profiles(folder, set(files), digest(checked))
+        for path in _of_other_profiles(folder, set(files), checked.digest)
     ]
     session.details["of_other_profiles"] = [str(path) for path in others]
     for path in others:

@@ -474,7 +474,7 @@ class Design(Document):
     perception: PerceptionProfile | None = None
     skipped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    method: dict[str, str] = Field(default_factory=dict[str, str])
+    method: dict[str, str] = Field(default_factory=dict[str, str], validate_default=True)
 
     @model_validator(mode="after")
     def _known(self) -> Design:
@@ -507,7 +507,10 @@ def first_of_each(whole: _Elements) -> _Elements:
 
 
 class SafeProfile(Design, Tabular):
-    """A certified profile (profile.yaml). Only `tune.optimise` makes one."""
+    """A certified profile (profile.yaml). Only `tune.optimise` makes one.
+
+    What is changed after that is neither written nor exported.
+    """
 
     certificate: Certificate
     digest: str = ""
@@ -536,13 +539,12 @@ class SafeProfile(Design, Tabular):
         ]
 
     def to_yaml(self) -> str:
-        """The file's text, its digest computed from its content."""
-        content = to_mapping(self)
-        content["digest"] = digest_of(content)
+        """The file's text. Raises CheckFailedError where it was changed after it was certified."""
+        content = signed_content(to_mapping(self), f"the profile of {self.scene}")
         return to_yaml(content, "Safe profile written by haptune; 'haptune check' re-computes it.")
 
     def signed(self) -> SafeProfile:
-        """This profile with its digest filled in."""
+        """This profile with its digest filled in: `tune.optimise` does it, what writes does not."""
         return self.model_copy(update={"digest": digest_of(to_mapping(self))})
 
 
@@ -567,15 +569,21 @@ def read_signed(path: str | PathLike[str]) -> dict[str, Any]:
     """The content of a file whose digest belongs to it; raises as `load_profile`."""
     content = load_mapping(path)
     if "certificate" in content or str(content.get("schema", "")).startswith("haptune/profile/"):
-        expected = digest_of(content)
-        if content.get("digest") != expected:
-            raise CheckFailedError(
-                (
-                    f"{fspath(path)}: the content has digest {expected}, the file says "
-                    f"{content.get('digest')}; it was changed after it was certified. "
-                    "Tune again instead of editing a profile",
-                )
+        return signed_content(content, path)
+    return content
+
+
+def signed_content(content: dict[str, Any], source: str | PathLike[str]) -> dict[str, Any]:
+    """What was given; raises CheckFailedError where its digest does not belong to it."""
+    expected = digest_of(content)
+    if content.get("digest") != expected:
+        raise CheckFailedError(
+            (
+                f"{fspath(source)}: the content has digest {expected}, it says "
+                f"{content.get('digest') or 'none'}; it was changed after it was certified. "
+                "Tune again instead of editing a profile",
             )
+        )
     return content
 
 

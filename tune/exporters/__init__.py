@@ -1,6 +1,6 @@
 """Certified profiles as files for controllers.
 
-``export`` trusts the profile it is given; the command re-checks digest and certificate first.
+``export`` compares the digest of the profile; the command re-checks the certificate first.
 """
 
 from __future__ import annotations
@@ -15,15 +15,14 @@ from typing import Any, Literal, NotRequired, cast, get_args
 # pydantic reads this one on every Python; it is part of what pydantic itself needs.
 from typing_extensions import TypedDict
 
-from identification import InvalidInputError
+from identification import InvalidInputError, to_mapping
 from tune.documents.estimators import Derivative, Estimator, filter_of
-from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile
+from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile, signed_content
 from tune.documents.scene import EffectName
 from tune.exporters.law import (
     NOT_A_SAFETY_FUNCTION,
     block_comment,
     change_words,
-    digest,
     fade_step,
     findings_of,
     force_limit,
@@ -38,7 +37,7 @@ from tune.exporters.law import (
     unit_of_force,
 )
 
-__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "digest", "export"]
+__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "export"]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)
@@ -155,7 +154,7 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
     return {
         **_tags(profile),
         "heading": block_comment(heading(profile)),
-        "digest": digest(profile),
+        "digest": profile.digest,
         "sample_time": _number(loop.sample_time),
         "extra_delay": str(int(seal.extra_delay_samples)),
         "taps": str(seal.longest_tap),
@@ -191,7 +190,7 @@ def _guard_values(profile: SafeProfile) -> dict[str, str]:
 
 def _tags(profile: SafeProfile) -> dict[str, str]:
     """The first digits of the profile's digest, as part of a name and as a constant."""
-    word = digest(profile).removeprefix("sha256:")[:8]
+    word = profile.digest.removeprefix("sha256:")[:8]
     return {"word": word, "tag": f"0x{word}u"}
 
 
@@ -345,7 +344,7 @@ def _plain_files(profile: SafeProfile) -> dict[str, str]:
     device, seal, limit = profile.device, profile.certificate, force_limit(profile)
     content: Exported = {
         "schema": "haptune/export/1",
-        "digest": digest(profile),
+        "digest": profile.digest,
         "device": {"name": device.name, "axis": device.axis, "motion": device.motion},
         "scene": profile.scene,
         "margin": {
@@ -381,7 +380,7 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     device, seal, limit = profile.device, profile.certificate, force_limit(profile)
     keys = identifiers(profile.elements)
     parameters: dict[str, Any] = {
-        "digest": digest(profile),
+        "digest": profile.digest,
         "device": device.name[:_LONGEST_TEXT],
         "axis": device.axis[:_LONGEST_TEXT],
         **({} if device.axes is None else {"axes": list(device.axes)}),
@@ -422,7 +421,7 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     more = () if device.axes is None else ("axes", "node_of_axes")
     for name in ("law", "node", *more):
         text = (templates / f"{name}.py").read_text(encoding="utf-8")
-        text = text.replace("${digest}", digest(profile))
+        text = text.replace("${digest}", profile.digest)
         files_of[f"haptune_{name}.py"] = (
             f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"
         )
@@ -520,10 +519,12 @@ def export(profile: SafeProfile, target: Target, *, node: str = "haptune") -> di
         node: name of the node of ROS 2, with its namespaces where it has any.
 
     Raises:
+        CheckFailedError: it was changed after it was certified.
         UnstatedError: facts of the device that nobody stated.
         InvalidInputError: the profile does not fit the target, or does not say how what must not be
             switched fades.
     """
+    signed_content(to_mapping(profile), f"the profile of {profile.scene}")
     profile.device.require_stated()
     for element in profile.elements.values():
         fade_step(element, profile.loop.sample_time)

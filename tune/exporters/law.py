@@ -119,11 +119,6 @@ _WORDS = """
 _RESERVED = frozenset(_WORDS.split())
 
 
-def digest(profile: SafeProfile) -> str:
-    """The digest of the profile as it was read, or as it would be written."""
-    return profile.digest or profile.signed().digest
-
-
 def short(name: str) -> str:
     """A name in quotes, cut where it is very long."""
     return quote_yaml(name if len(name) <= _SHORT else name[: _SHORT - 3] + "...")
@@ -156,7 +151,7 @@ def heading(profile: SafeProfile) -> tuple[str, ...]:
         "Written by haptune from a certified profile. Do not edit: tune and export again.",
         NOT_A_SAFETY_FUNCTION,
         "",
-        f"profile digest: {digest(profile)}",
+        f"profile digest: {profile.digest}",
         f"device: {short(device.name)}, axis {short(device.axis)}, {device.motion}; "
         f"scene {short(profile.scene)}",
         f"margin: {margin.name}: stable for every gain in (0, {seal.gain:g}] with up to "

@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
@@ -22,6 +23,7 @@ from tests.fleet_logs import fleet_logs
 from tests.processes import needs_posix
 from tune import Scene, load_profile, optimise, study
 from tune.documents.manifest import load_manifest
+from tune.optimisation.study import QUANTITIES
 from tune.presentation.fleet import unlike_others
 
 COMMAND = ("fleet", "manifest.csv", "--scene", "scene.yaml", "--hardware", "hardware.yaml")
@@ -280,6 +282,40 @@ def test_a_device_is_unlike_others_only_beyond_its_interval() -> None:
     assert not unlike_others(fleet_of(mass, [0.0] * 5 + [5.9, 0.0]))
     # Of four nobody knows what is usual.
     assert not unlike_others(fleet_of([3.0, 3.0, 3.0, 9.0], [0.0] * 4))
+
+
+@pytest.mark.parametrize(("count", "far"), [(8, 12.0), (20, 6.5), (200, 5.5)])
+def test_few_fleets_alike_in_truth_have_a_device_that_is_not_like_the_others(
+    count: int, far: float
+) -> None:
+    """Four quantities spread by one; of 200 fleets at most five in a hundred, with two sigmas."""
+    chance, fleets = np.random.default_rng(5), 200
+    seen = missed = 0
+    for _ in range(fleets):
+        frame = fleet_of([3.0] * count, [0.0] * count)
+        drawn = {name: chance.normal(10.0, 1.0, count) for name in QUANTITIES[:4]}
+        ends = {
+            f"{name}{end}": each for name, each in drawn.items() for end in ("", "_low", "_high")
+        }
+        alike = frame.with_columns(**ends)
+        seen += bool(unlike_others(alike))
+        odd = alike.with_columns(
+            **{
+                f"mass{end}": drawn["mass"] + far * (np.arange(count) == 0)
+                for end in ("", "_low", "_high")
+            }
+        )
+        missed += not any(each.device == "SN0" for each in unlike_others(odd))
+    assert seen <= fleets * (0.05 + 2 * (0.05 * 0.95 / fleets) ** 0.5)
+    assert missed < fleets / 2
+
+
+def test_what_more_than_half_of_a_fleet_share_is_not_judged() -> None:
+    """Friction that few have, a delay that differs by rounding."""
+    few = fleet_of([0.0] * 11 + [0.02 + 0.001 * k for k in range(9)], [0.0] * 11 + [0.005] * 9)
+    assert not unlike_others(few)
+    rounded = fleet_of([1e-3] * 7 + [1e-3 * (1 + 1e-12)] * 7, [0.0] * 14)
+    assert not unlike_others(rounded)
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,10 @@
 The others are told by their median and by the median of the distances from it, scaled to the
 standard deviation of a normal distribution (P. J. Rousseeuw and C. Croux, "Alternatives to the
 median absolute deviation", 1993), which up to half of them cannot move however far they lie. A
-device is unlike them where all of its 95 % interval lies further away than any device does, but in
-two to five of a hundred normal fleets that are alike in truth: by Student's t, because the spread
-of few is not well known.
+device is unlike them where all of its 95 % interval lies further away than any device does in any
+quantity, but in five at most of a hundred normal fleets that are alike in truth: by Student's t,
+because the spread of few is not well known, and by Bonferroni over all that is compared. What is
+the same in more than half of the devices has no such spread, and is not judged.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ FloatArray = NDArray[np.float64]
 #: Devices from which it is said that one is not like the others.
 FEWEST = 5
 #: The part of fleets alike in truth that may have a device far above the others; as many below.
-_BY_CHANCE = 0.025
+#: Student's t is short of the tail of this distance by up to a quarter.
+_BY_CHANCE = 0.02
+#: Part of a value that its spread has to exceed: of less, rounding is a part.
+_ROUNDING = 1e-9
 #: The median distance from the median in normal standard deviations.
 _MEDIAN_DISTANCE = NormalDist().inv_cdf(0.75)
 #: Rows of a table on the page; the Parquet file has all.
@@ -52,8 +56,7 @@ class Unlike:
         value, low, high: with the 95 % interval, SI units.
         median: of the fleet.
         spread: of the fleet, as a standard deviation.
-        distance: of the nearer end of the interval from the median, in spreads; inf where more
-            than half of the fleet are the same.
+        distance: of the nearer end of the interval from the median, in spreads.
     """
 
     device: str
@@ -69,22 +72,26 @@ class Unlike:
 def unlike_others(frame: polars.DataFrame) -> tuple[Unlike, ...]:
     """Devices that are not like the others of their axis, the furthest first; of few, none."""
     axes = frame.drop_nulls("motion").partition_by("axis", "motion")
-    found = [each for axis in axes for name in QUANTITIES for each in _unlike(axis, name)]
+    judged = [(axis, name) for axis in axes for name in QUANTITIES if _varies(axis, name)]
+    compared = sum(len(axis) for axis, _ in judged)
+    found = [each for axis, name in judged for each in _unlike(axis, name, compared)]
     return tuple(sorted(found, key=lambda each: -each.distance))
 
 
-def _unlike(frame: polars.DataFrame, name: str) -> Iterator[Unlike]:
+def _varies(frame: polars.DataFrame, name: str) -> bool:
+    """Whether enough devices have a spread by which one can be told from the others."""
+    value = frame[name].to_numpy()
+    return len(value) >= FEWEST and _middle(value)[1] > _ROUNDING * np.median(np.abs(value))
+
+
+def _unlike(frame: polars.DataFrame, name: str, compared: int) -> Iterator[Unlike]:
     from scipy.special import stdtrit
 
     value, low, high = (frame[each].to_numpy() for each in (name, f"{name}_low", f"{name}_high"))
-    if len(value) < FEWEST:
-        return
     median, spread = _middle(value)
-    beyond = np.maximum(np.maximum(low - median, median - high), 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.nan_to_num(beyond / spread, nan=0.0, posinf=np.inf)
+    distance = np.maximum(np.maximum(low - median, median - high), 0.0) / spread
     # This distance is known as well as a standard deviation of half as many is.
-    most = stdtrit((len(value) - 1) / 2, 1 - _BY_CHANCE / len(value))
+    most = stdtrit((len(value) - 1) / 2, 1 - _BY_CHANCE / compared)
     for place in np.flatnonzero(distance > most):
         yield Unlike(
             device=frame["name"][int(place)],
@@ -129,9 +136,8 @@ def unlike_table(unlike: tuple[Unlike, ...]) -> Table:
     )
     for each in unlike[:_MOST_ROWS]:
         value, low, high, median = map(plain_number, (each.value, each.low, each.high, each.median))
-        distance = "all others alike" if np.isinf(each.distance) else f"{each.distance:.1f}"
-        row = each.device, _words(each.quantity), value, f"{low} .. {high}", median, distance
-        table.add_row(*row)
+        interval, distance = f"{low} .. {high}", f"{each.distance:.1f}"
+        table.add_row(each.device, _words(each.quantity), value, interval, median, distance)
     return table
 
 

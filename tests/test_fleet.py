@@ -324,6 +324,10 @@ def test_what_more_than_half_of_a_fleet_share_is_not_judged() -> None:
         ("name,log\na,b\n", "has a column 'name'"),
         ("log\na\n", "has no column 'serial'"),
         ("serial,log\nA,a.csv\na,b.csv\n", "stands there twice"),
+        (
+            "serial,log,log\nA,a.csv,b.csv\n",
+            "column 'log' stands there twice. Give it once; | stands",
+        ),
         ("serial,log\nA,\n", "needs either log or device"),
         ("serial,log,device\nA,a.csv,knob\n", "needs either log or device"),
         ("serial,log\n../A,a.csv\n", "cannot name a file"),

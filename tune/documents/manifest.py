@@ -116,11 +116,16 @@ def _rows_of(source: Path) -> list[dict[str, Any]]:
     lines = text.splitlines()
     header = lines[0] if lines else ""
     reader = csv.DictReader(lines, delimiter=max(_SEPARATORS, key=header.count))
-    strange = [name for name in reader.fieldnames or () if name not in FleetEntry.model_fields]
-    if strange or "serial" not in (reader.fieldnames or ()):
+    names = list(reader.fieldnames or ())
+    strange = [name for name in names if name not in FleetEntry.model_fields]
+    if strange or "serial" not in names:
         known = ", ".join(FleetEntry.model_fields)
         seen = f"has a column {strange[0]!r}" if strange else "has no column 'serial'"
         raise InvalidInputError(source, seen, f"Name its columns {known}; serial must be there")
+    for name in names:
+        if names.count(name) > 1:
+            remedy = f"Give it once; {_BETWEEN} stands between several logs of one device"
+            raise InvalidInputError(source, f"column {name!r} stands there twice", remedy)
     rows: list[dict[str, Any]] = []
     for row in reader:
         # What stands beyond the header is under None.

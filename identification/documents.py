@@ -125,9 +125,9 @@ def _holds_flag(raw: object) -> bool:
 
 
 def parse_document(
-    model: type[_Model], content: Mapping[str, Any], source: str | PathLike[str]
+    model: type[_Model], content: Mapping[str, Any], source: str | PathLike[str], remedy: str = ""
 ) -> _Model:
-    """Validate a mapping against a model, turning every complaint into a sentence.
+    """Validate a mapping against a model, turning every complaint into a sentence with a remedy.
 
     Raises:
         InvalidInputError: naming each key, the value seen and what is allowed.
@@ -140,7 +140,7 @@ def parse_document(
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        remedy = "Correct the keys named; 'haptune new' writes commented templates"
+        remedy = remedy or "Correct the keys named; 'haptune new' writes commented templates"
         raise InvalidInputError(source, complaints(model, error), remedy) from None
 
 

@@ -330,9 +330,13 @@ def test_what_more_than_half_of_a_fleet_share_is_not_judged() -> None:
         ),
         ("serial,log\nA,\n", "needs either log or device"),
         ("serial,log,device\nA,a.csv,knob\n", "needs either log or device"),
-        ("serial,log\n../A,a.csv\n", "cannot name a file"),
+        (
+            "serial,log\n\nA,a.csv\n../A,a.csv\n",
+            ": line 4, column serial: '../A' cannot name a file",
+        ),
+        ("serial,log\n,a.csv\n", ": line 2, column serial: is missing. Correct it there; 'haptune"),
         ("serial,log\nA,a.csv,b\n", "more cells than columns in line 2"),
-        ("serial,log\n", "needs 1 entries"),
+        ("serial,log\n", "there is none; give each device a row"),
         ("", "has no column 'serial'"),
     ],
 )
@@ -345,7 +349,7 @@ def test_a_manifest_that_makes_no_sense_is_refused(tmp_path: Path, text: str, wo
 
 def test_manifests_are_read_as_people_write_them(tmp_path: Path) -> None:
     table, written = tmp_path / "manifest.csv", tmp_path / "manifest.yaml"
-    text = "﻿serial;axis;log;scene\nA;x; a.csv | b.csv ;s.yaml\n;;;\nA;y;c.csv;\n"
+    text = "﻿Serial; axis;LOG ;scene\nA;x; a.csv | b.csv ;s.yaml\n;;;\nA;y;c.csv;\n"
     table.write_text(text, encoding="utf-8")
     written.write_text(
         "devices:\n- {serial: A, axis: x, log: [a.csv, b.csv], scene: s.yaml}\n"

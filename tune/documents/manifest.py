@@ -18,6 +18,8 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _BETWEEN = "|"
 #: Separators of tables; the one met most often in the header is meant.
 _SEPARATORS = ",;\t"
+#: What is done about a row that makes no sense.
+_REMEDY = "Correct it there; 'haptune fleet --help' says what a row holds"
 #: Bytes of a table, some hundred thousand devices.
 _LARGEST = 50_000_000
 
@@ -74,11 +76,13 @@ class Manifest(Document):
     """
 
     schema_: Literal["haptune/manifest/1"] = Field(default="haptune/manifest/1", alias="schema")
-    devices: tuple[FleetEntry, ...] = Field(min_length=1)
+    devices: tuple[FleetEntry, ...] = Field(json_schema_extra={"minItems": 1})
 
     @field_validator("devices")
     @classmethod
     def _told_apart(cls, devices: tuple[FleetEntry, ...]) -> tuple[FleetEntry, ...]:
+        if not devices:
+            raise ValueError("there is none; give each device a row")
         seen = set[str]()
         for entry in devices:
             # A file system may not tell capital letters.
@@ -98,11 +102,19 @@ def load_manifest(path: str | PathLike[str]) -> Manifest:
     """
     source = Path(path)
     if source.suffix.lower() in {".yaml", ".yml"}:
-        return parse_document(Manifest, load_mapping(source), source)
-    return parse_document(Manifest, {"devices": _rows_of(source)}, source)
+        return parse_document(Manifest, load_mapping(source), source, _REMEDY)
+    rows = _rows_of(source)
+    lines = {str(place): line for place, line in enumerate(rows)}
+    try:
+        return parse_document(Manifest, {"devices": [*rows.values()]}, source, _REMEDY)
+    except InvalidInputError as error:
+        where = re.compile(r"(^|; )devices\.(\d+)\.")
+        told = where.sub(lambda at: f"{at[1]}line {lines[at[2]]}, column ", error.problem)
+        raise InvalidInputError(source, told, error.remedy) from None
 
 
-def _rows_of(source: Path) -> list[dict[str, Any]]:
+def _rows_of(source: Path) -> dict[int, dict[str, Any]]:
+    """Each row that is not blank, by the line of the file in which it ends."""
     try:
         if source.stat().st_size > _LARGEST:
             problem = f"has more than {_LARGEST} bytes"
@@ -116,7 +128,7 @@ def _rows_of(source: Path) -> list[dict[str, Any]]:
     lines = text.splitlines()
     header = lines[0] if lines else ""
     reader = csv.DictReader(lines, delimiter=max(_SEPARATORS, key=header.count))
-    names = list(reader.fieldnames or ())
+    names = reader.fieldnames = [each.strip().lower() for each in reader.fieldnames or ()]
     strange = [name for name in names if name not in FleetEntry.model_fields]
     if strange or "serial" not in names:
         known = ", ".join(FleetEntry.model_fields)
@@ -126,7 +138,7 @@ def _rows_of(source: Path) -> list[dict[str, Any]]:
         if names.count(name) > 1:
             remedy = f"Give it once; {_BETWEEN} stands between several logs of one device"
             raise InvalidInputError(source, f"column {name!r} stands there twice", remedy)
-    rows: list[dict[str, Any]] = []
+    rows: dict[int, dict[str, Any]] = {}
     for row in reader:
         # What stands beyond the header is under None.
         if None in row:
@@ -135,5 +147,6 @@ def _rows_of(source: Path) -> list[dict[str, Any]]:
         given = {key: cell.strip() for key, cell in row.items() if cell and cell.strip()}
         if given:
             logs = [each.strip() for each in given.get("log", "").split(_BETWEEN)]
-            rows.append(given | ({"log": [each for each in logs if each]} if any(logs) else {}))
+            log = {"log": [each for each in logs if each]} if any(logs) else {}
+            rows[reader.line_num] = given | log
     return rows

@@ -17,9 +17,11 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import bundled_path
+from identification import load_device, to_mapping, to_yaml
 from tests.commands import haptune
 from tests.guard import FLAGS
 from tests.pages import served
+from tune import Scene, optimise
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -58,8 +60,13 @@ pytestmark = [
 
 
 @contextmanager
-def browser(address: str, width: int = 1280, scheme: str = "light") -> Generator[Page]:
-    """One tab of a browser without a screen; an error of the page is one of the test."""
+def browser(
+    address: str, width: int = 1280, scheme: str = "light", refusals: int = 0
+) -> Generator[Page]:
+    """One tab of a browser without a screen; an error of the page is one of the test.
+
+    ``refusals`` are answers of the server that a browser takes for errors.
+    """
     from playwright.sync_api import expect, sync_playwright
 
     expect.set_options(timeout=_PATIENCE)
@@ -80,7 +87,8 @@ def browser(address: str, width: int = 1280, scheme: str = "light") -> Generator
         page.goto(address)
         yield page
         opened.close()
-    assert errors == []
+    assert len(errors) == refusals, errors
+    assert all("Failed to load resource" in each for each in errors), errors
 
 
 def look(page: Page, name: str) -> None:
@@ -141,6 +149,39 @@ def test_from_a_log_to_a_report_and_a_compiled_guard(
     compiler = shutil.which("cc")
     if compiler is not None:
         subprocess.run([compiler, *FLAGS, "-c", guard, "-o", tmp_path / "guard.o"], check=True)
+
+
+def test_of_a_refused_profile_nothing_is_shown_and_points_stand_where_they_are(
+    tmp_path: Path,
+) -> None:
+    from playwright.sync_api import expect
+
+    elements = {"wall": {"stiffness": 900.0, "damping": 5.0, "one_sided": True}}
+    elements |= {"feather": {"damping": -3.0}}
+    device = load_device("homerehab")
+    text = optimise(device, Scene.model_validate({"elements": elements})).to_yaml()
+    (tmp_path / "device.yaml").write_text(to_yaml(to_mapping(device)))
+    (tmp_path / "profile.yaml").write_text(text)
+    (tmp_path / "refused.yaml").write_text(text.replace("stiffness: 900.0", "stiffness: 901.0"))
+    with served(tmp_path) as own, browser(own.address + "#profile", refusals=1) as page:
+        expect(page.locator("#mark")).to_contain_text("proved: profile.yaml")
+        page.select_option("#element", "feather")
+        expect(page.locator("#region svg text", has_text="feather")).to_have_count(1)
+        page.select_option("#element", "wall")
+        expect(page.locator("#region svg text", has_text="wall")).to_have_count(1)
+        expect(page.locator("#region svg text", has_text="feather")).to_have_count(0)
+        page.select_option("#profile-file", "refused.yaml")
+        expect(page.locator("#said")).to_contain_text("digest")
+        for hidden in ("verdict", "limits", "mark", "sliders", "region", "audited", "export"):
+            expect(page.locator(f"#{hidden}")).to_be_hidden()
+        expect(page.locator("#export")).to_be_disabled()
+        expect(page.locator("#report")).to_be_disabled()
+        time.sleep(1)  # what still moved is proved by now, and must not be drawn
+        expect(page.locator("#said")).to_contain_text("digest")
+        look(page, "refused")
+        page.select_option("#profile-file", "profile.yaml")
+        expect(page.locator("#mark")).to_contain_text("proved: profile.yaml")
+        expect(page.locator("#export")).to_be_enabled()
 
 
 #: What the server would say, at once, so that only what the browser does takes time.

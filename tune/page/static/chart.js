@@ -17,6 +17,8 @@ function around(values) {
   return [low - room, high + room];
 }
 
+const within = (value, [low, high]) => low <= value && value <= high;
+
 /** Round values of an axis, as far apart as a fifth of it or less; of a logarithmic one the decades. */
 function ticks([low, high], scale) {
   const [to, from] = scale === "log" ? SCALES.log : SCALES.linear;
@@ -26,7 +28,7 @@ function ticks([low, high], scale) {
   return Array.from({ length: count }, (_, row) => Number(from((first + row) * step).toPrecision(6)));
 }
 
-/** Draw lines, areas, spans and points; ``x`` and ``y`` tell label, scale and ends. */
+/** Draw lines, areas, spans and the points within the axes; ``x`` and ``y`` tell label, scale and ends. */
 export function chart(where, { title, x, y = {}, lines, points = [], spans = [], height = 240 }) {
   where.classList.add("chart");
   const width = Math.max(where.clientWidth, 240), floor = height - BOTTOM;
@@ -51,7 +53,7 @@ export function chart(where, { title, x, y = {}, lines, points = [], spans = [],
       const size = Math.max(px(to) - px(from), 2);
       return `<rect class="span" x="${px(from)}" width="${size}" y="${TOP}" height="${floor - TOP}"/>${text(px(from), TOP + 12, words, "start")}`;
     }),
-    ...points.map(({ x: at, y: up, words, now }, row) => {
+    ...points.filter((each) => within(each.x, ex) && within(each.y, ey)).map(({ x: at, y: up, words, now }, row) => {
       const last = px(at) > width - 90;
       const name = text(+px(at) + (last ? -8 : 8), py(up) - 6 - 11 * (row % 3), words, last ? "end" : "start");
       return `<circle class="point ${now ? "now" : ""}" r="${now ? 5 : 4}" cx="${px(at)}" cy="${py(up)}"/>${name}`;

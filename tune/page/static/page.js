@@ -159,9 +159,19 @@ async function showDevice() {
 const MARGINS = ["firm", "balanced", "conservative"];
 const SLIDES = { ...SCALES, margin: [(word) => MARGINS.indexOf(word), (place) => MARGINS[place]] };
 
+/** Nothing of a profile is shown beside the name of another, or of one that is refused. */
 async function showProfile() {
-  if (!chosen("profile")) return;
-  seen.profile = await ask("show/document", { file: chosen("profile") });
+  const file = chosen("profile");
+  const same = seen.profile?.file === file;
+  seen.profile = null;
+  try {
+    $("shown").hidden ||= !same;
+    const told = file ? await ask("show/document", { file }) : null;
+    if (file === chosen("profile")) seen.profile = told && { ...told, file };
+  } finally {
+    $("shown").hidden = !seen.profile;
+  }
+  if (!seen.profile) return;
   const { content, verdict, table: limits } = seen.profile;
   $("verdict").textContent = verdict;
   $("limits").replaceChildren(table(limits), ...content.notes.map((note) => make("p", {}, note)));
@@ -211,6 +221,7 @@ function slider([key, words, scale, low, high]) {
 const moving = { wanted: null, busy: false, rest: 0 };
 /** Ask for where the sliders stand: at once while they move, to be proved when they rest. */
 async function move(proved) {
+  if (!seen.profile) return;
   const moved = JSON.stringify(seen.state) !== seen.start;
   $("whole").disabled = moved;
   if (moved) mark("not proved", "open");
@@ -224,7 +235,8 @@ async function move(proved) {
     while (moving.wanted) {
       const asked = moving.wanted;
       moving.wanted = null;
-      draw(await ask("show/moved", asked), asked);
+      const told = await ask("show/moved", asked);
+      if (asked.profile === seen.profile?.file) draw(told, asked);
     }
   });
   moving.busy = false;
@@ -292,7 +304,7 @@ function wordsOf({ dataset }) {
   const words = {
     log: [chosen("log"), ...columns], its_log: its ? [chosen("log"), ...columns] : [],
     hardware: stated() ? ["--hardware", "hardware.yaml"] : [], to: [`--to=${$("to").value}`],
-    device: [chosen("device")], scene: [chosen("scene")], profile: [chosen("profile")],
+    device: [chosen("device")], scene: [chosen("scene")], profile: [seen.profile?.file ?? ""],
   };
   return dataset.run.split(" ").flatMap((word) => words[word.slice(1, -1)] ?? word);
 }

@@ -1023,6 +1023,20 @@ FAULTS: tuple[Fault, ...] = (
         ("motion across is judged", "if bent > _MOST_BENT:", "if bent > np.inf:"),
         ("a play that is not cut", "most = min(levels, default=np.inf)", "most = np.inf"),
     ),
+    Fault(
+        name="speed that does not fall",
+        file="tune/verification/motion.py",
+        old="begin is None or speed[max(begin, end - width)] > _FALLEN * speed[begin]",
+        new="begin is None",
+        tests="tests/test_letting_go.py",
+    ),
+    Fault(
+        name="motion is free where the hand lets go",
+        file="tune/verification/free_motion.py",
+        old="if worst > max(_MORE * usual, small):",
+        new="if worst > np.inf:",
+        tests="tests/test_letting_go.py",
+    ),
     *_of(
         "identification/estimators/least_squares.py",
         "tests/test_identify.py -k many_fast_samples",

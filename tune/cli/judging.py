@@ -463,7 +463,8 @@ def verify_command(
         float | None,
         Option(
             metavar="SECONDS",
-            help="When the hand let go, in the time of the log; default: largest displacement.",
+            help="When the hand let go, in the time of the log; default: largest displacement, "
+            "without a spring where speed begins to fall.",
         ),
     ] = None,
     *,

@@ -217,7 +217,8 @@ def verify(
             played at a reduced gain, the handle pushed or displaced, and let go.
         element: "wall", or "wall+water" for what is felt together; None is found out.
         gain: at which the element was played; None is found out.
-        release: s, in the time of the log, when the hand is off; None is the largest deviation.
+        release: s, in the time of the log, when the hand is off; None is the largest deviation,
+            without a spring the row from which speed falls as free motion does.
 
     Raises:
         UsageError: an element that is not in the profile, a log of other axes.
@@ -255,7 +256,7 @@ def verify(
                 law.log.used,
                 _step(line),
                 0 if direction is None else motion_across(profile, axes, direction, law),
-                0 if release is None else int(np.searchsorted(line.time, release)),
+                None if release is None else int(np.searchsorted(line.time, release)),
             )
             ripple = _ripple(profile, line, law.loop, law.effects, motion, digits.force)
             rest = (*motion.outcomes, ripple)

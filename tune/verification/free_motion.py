@@ -46,9 +46,16 @@ _BLOCKS, _STUDENT = 10, 2.262
 #: Damping ratios looked through; from the second on, the fast pole is beyond anything logged.
 _DAMPING_RATIOS = (-0.5, 30.0)
 
+#: Rows at which a hand may have let go that are tried. What a fit leaves there is much where it is
+#: more than this many times what it leaves of later starts, and than these parts of the motion:
+#: a hand that pushes on for a thirtieth of the motion leaves twice as much, and shifts the decay
+#: by a fiftieth; the latest start has few rows and no later one.
+_STARTS, _MORE, _SMALL, _SMALL_AT_FIRST = 30, 2.0, 1e-3, 0.02
+
 #: What the position is a sum of for given nonlinear parameters, shape (rows, count).
 _Columns = Callable[[FloatArray], FloatArray]
 _BOUNDS = (np.array([-np.inf, _DAMPING_RATIOS[0]]), np.array([np.inf, _DAMPING_RATIOS[1]]))
+_ANY = (np.array([-np.inf]), np.array([np.inf]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,11 +92,7 @@ def find_release(position: FloatArray, first: int) -> Release | None:
         return None
     rest = float(np.median(part[-max(1, round(_REST * part.size)) :]))
     furthest = float(np.max(np.abs(part - rest)))
-    # Standard deviation of a reading from second differences, of which motion has few; without
-    # noise the least distance of two different readings, one count if the log is of an encoder.
-    noise = float(_MAD * np.median(np.abs(np.diff(position, n=2))) / np.sqrt(6))
-    values = np.unique(position)
-    grain = float(np.min(np.diff(values))) if noise == 0 and values.size > 1 else 0.0
+    noise, grain = _noise_and_grain(position)
     clear = max(_COUNTS * grain, _NOISES * noise, _LEAST_SWING * furthest)
     turns = _turning_points(part, clear)
     if furthest <= clear or not turns:
@@ -112,6 +115,17 @@ def find_release(position: FloatArray, first: int) -> Release | None:
         turns=tuple(first + turn for turn in kept[1:]),
         grows=_grows(part, turns, start),
     )
+
+
+def _noise_and_grain(position: FloatArray) -> tuple[float, float]:
+    """Standard deviation of a reading; where that is 0 one count, if the log is of an encoder.
+
+    The first from second differences, of which motion has few, the other as the least distance of
+    two different readings.
+    """
+    noise = float(_MAD * np.median(np.abs(np.diff(position, n=2))) / np.sqrt(6))
+    values = np.unique(position)
+    return noise, float(np.min(np.diff(values))) if noise == 0 and values.size > 1 else 0.0
 
 
 def _turning_points(position: FloatArray, clear: float) -> list[int]:
@@ -187,18 +201,48 @@ def measure_unsprung(
     From the row at which the handle is let go to the one after the last in motion; ``decay`` is σ
     to begin with, 1/s.
     """
-    time: FloatArray = np.arange(end - first, dtype=np.float64) * sample_time
-    rows = _rows(time.size)
+    rows, every = _rows(end - first), _unsprung_columns(sample_time, end - first)
 
     def columns(theta: FloatArray) -> FloatArray:
-        falling = -np.expm1(-np.exp(theta[0]) * time)
-        return np.column_stack([np.ones(time.size), time, falling])[rows]
+        return every(theta)[rows]
 
     def told(theta: FloatArray) -> tuple[float, float]:
         return 0.0, float(np.exp(theta[0]))
 
-    bounds = (np.array([-np.inf]), np.array([np.inf]))
-    return _fitted(columns, position, first + rows, [[np.log(decay)]], bounds, told)
+    return _fitted(columns, position, first + rows, [[np.log(decay)]], _ANY, told)
+
+
+def find_letting_go(
+    position: FloatArray, sample_time: float, first: int, end: int, decay: float
+) -> int | None:
+    """The first row, from ``first`` on, from which speed falls as free motion does until ``end``.
+
+    What a fit leaves in its worst block is that of later starts, until a hand pushes within it.
+    None where it is much from the last start on.
+    """
+    noise, grain = _noise_and_grain(position)
+    found, later = None, list[float]()
+    for row in np.linspace(end - _SHORTEST, first, _STARTS).round().astype(int).tolist():
+        measured, columns = position[row:end], _unsprung_columns(sample_time, end - row)
+        theta, _ = _solve(columns, measured, np.array([np.log(decay)]), _ANY)
+        left = measured - _projected(columns(theta), measured)[0]
+        worst = max(float(np.std(block)) for block in np.array_split(left, _BLOCKS))
+        usual = float(np.median(later)) if later else max(noise, grain)
+        small = (_SMALL if later else _SMALL_AT_FIRST) * float(np.std(measured))
+        if worst > max(_MORE * usual, small):
+            break
+        found = row
+        later.append(worst)
+    return found
+
+
+def _unsprung_columns(sample_time: float, count: int) -> _Columns:
+    time: FloatArray = np.arange(count, dtype=np.float64) * sample_time
+
+    def columns(theta: FloatArray) -> FloatArray:
+        return np.column_stack([np.ones(count), time, -np.expm1(-np.exp(theta[0]) * time)])
+
+    return columns
 
 
 def _rows(count: int) -> NDArray[np.intp]:

@@ -16,6 +16,7 @@ from tune.loop.polynomials import ComplexArray, FloatArray, companion_roots
 from tune.verification.free_motion import (
     FreeMotion,
     Release,
+    find_letting_go,
     find_release,
     measure_sprung,
     measure_unsprung,
@@ -41,6 +42,8 @@ _GONE = 1e-6
 _MISFIT = 0.05
 #: Speed below this part of the largest is rest, for motion without a spring.
 _SLOW = 0.03
+#: Speed that is still above this part of what it was has not been seen to fall.
+_FALLEN = 0.5
 #: Rows that free motion without a spring must last.
 _FEWEST_ROWS = 50
 
@@ -68,6 +71,7 @@ _STILL = (
 _ONE_TURN = "the handle comes to rest within a swing, which does not tell decay from friction"
 #: What helps where the log cannot tell.
 _STRAIGHTER = "Hold the other axes, or let go in a principal direction of the mass."
+_HANDS_OFF = "Take the hand off, and state with --release when; or cut the log to the free motion."
 _LOUDER = "Release the handle from further away, hand off, or play an element with a spring."
 
 
@@ -202,14 +206,15 @@ def judge_motion(
     used: NDArray[np.bool_],
     sample_time: float,
     bent: float,
-    first: int,
+    stated: int | None,
 ) -> MeasuredMotion:
     """Compare the free motion of a log with the slowest mode of a loop, with effects as played.
 
-    Position in m and the rows of the law that are used have shape (n,); before row ``first`` the
-    motion is not free. ``bent`` is the part of it that goes across, of a device of several axes.
+    Position in m and the rows of the law that are used have shape (n,); before the row that is
+    ``stated`` the motion is not free. ``bent`` is the part of it that goes across, of a device of
+    several axes.
     """
-    prediction = predict(device, loop, effects)
+    prediction, first = predict(device, loop, effects), stated or 0
     release = find_release(position, first)
     if release is not None and release.grows:
         return _growing(release, prediction)
@@ -225,7 +230,9 @@ def judge_motion(
     if release is None or hindrance:
         return _unassessed(prediction, hindrance, remedy)
     if not binding_stiffness(device, effects):
-        return _unsprung(position, sample_time, bent, release, prediction)
+        return _unsprung(
+            position, sample_time, bent, release, prediction, stated=stated is not None
+        )
     start = prediction.nominal.natural, prediction.nominal.decay
     measured = _blurred(measure_sprung(position, sample_time, release, start), bent, prediction)
     if measured.misfit > _MISFIT:
@@ -253,8 +260,10 @@ def _unsprung(
     bent: float,
     release: Release,
     prediction: Prediction,
+    *,
+    stated: bool,
 ) -> MeasuredMotion:
-    """Decay of speed after a push, from the fastest row on."""
+    """Decay of speed after a push, from where it falls as it does at the end."""
     from scipy.ndimage import uniform_filter1d
 
     width = max(5, round(0.02 / sample_time))
@@ -268,7 +277,13 @@ def _unsprung(
         why = f"the handle moves freely for {rows} rows only"
         decay = unassessed_outcome("decay", why, _LOUDER, rows=rows)
         return MeasuredMotion(prediction=prediction, outcomes=(no_frequency, decay))
-    measured = measure_unsprung(position, sample_time, top, end, prediction.nominal.decay)
+    decay = prediction.nominal.decay
+    free = find_letting_go(position, sample_time, top, end, decay)
+    begin = top if free is None and stated else free
+    # Of speed that does not fall any decay explains as much as any other.
+    if begin is None or speed[max(begin, end - width)] > _FALLEN * speed[begin]:
+        return _unassessed(prediction, "a hand may still push", _HANDS_OFF)
+    measured = measure_unsprung(position, sample_time, begin, end, decay)
     measured = _blurred(measured, bent, prediction)
     if measured.misfit > _MISFIT:
         return _not_one_mode(measured, release, prediction)
@@ -301,8 +316,7 @@ def _not_one_mode(measured: FreeMotion, release: Release, prediction: Prediction
         f"one damped mode with Coulomb friction leaves {measured.misfit:.1%} of the motion, at "
         f"most {_MISFIT:.0%} is free motion"
     )
-    remedy = "Take the hand off, and state with --release when; or cut the log to the free motion."
-    unassessed = _unassessed(prediction, why, remedy)
+    unassessed = _unassessed(prediction, why, _HANDS_OFF)
     return replace(unassessed, release=release, measured=measured)
 
 

@@ -1024,6 +1024,13 @@ FAULTS: tuple[Fault, ...] = (
         ("a play that is not cut", "most = min(levels, default=np.inf)", "most = np.inf"),
     ),
     Fault(
+        name="gains like a wall keep its lead",
+        file="tune/judging.py",
+        old="met.lead > lead * (1 + _ROUNDED)",
+        new="met.lead > np.inf",
+        tests="tests/test_audit.py -k met_farther",
+    ),
+    Fault(
         name="speed that does not fall",
         file="tune/verification/motion.py",
         old="begin is None or speed[max(begin, end - width)] > _FALLEN * speed[begin]",

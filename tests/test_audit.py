@@ -24,7 +24,18 @@ from identification import (
 from tests.commands import haptune
 from tests.reference import reference_loop, stable_by_jury
 from tests.true_loops import safe_gain
-from tune import Effects, Filters, Loop, SafeProfile, Scene, audit, compare, largest, optimise
+from tune import (
+    Audit,
+    Effects,
+    Filters,
+    Loop,
+    SafeProfile,
+    Scene,
+    audit,
+    compare,
+    largest,
+    optimise,
+)
 from tune.loop.loop import filters_of
 
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
@@ -99,6 +110,31 @@ def test_a_wall_that_shares_the_peak_is_judged_as_cut_at_its_own_level() -> None
     effects = Effects(stiffness=its.stiffness, damping=its.damping)
     found = audit(device, effects, filters=filters_of(profile.loop), like=(profile, "wall"))
     assert found.wall.depth_at_peak_force == its.contact.depth_at_peak_force
+
+
+def test_a_wall_met_farther_before_its_face_than_its_profile_allows_is_not_safe() -> None:
+    """Met speed·(B/K - T - T/2) before its face, by the delay and half a sample."""
+    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True, "lead": 0.001}
+    scene = Scene.model_validate({"elements": {"wall": wall}, "loop": loop})
+    device = load_device("homerehab")
+    profile = optimise(device, scene)
+    its, T, speed = profile.elements["wall"], 1e-3, 0.2
+
+    def judged(stiffness: float, damping: float) -> Audit:
+        effects = Effects(stiffness=stiffness, damping=damping)
+        return audit(device, effects, filters=filters_of(profile.loop), like=(profile, "wall"))
+
+    assert judged(its.stiffness, its.damping).safe
+    far = judged(1000.0, 60.0)
+    (fault,) = far.faults
+    assert fault.limit == "lead"
+    assert fault.seen == f"it is met {speed * (0.06 - 1.5 * T):.4g} before its face"
+    assert fault.needed == "0.001 at most"
+    assert far.nearest is not None
+    K, B = (float(value) for value in far.nearest.arrays()[:2] if value is not None)
+    assert 0.9e-3 < speed * (B / K - 1.5 * T) < 1.001e-3
+    assert judged(K, B).safe
 
 
 def test_without_filters_the_encoder_is_why_it_is_not_fit() -> None:

@@ -56,12 +56,14 @@ from tune.stability.criterion import Passivity, passivity
 FloatArray = NDArray[np.float64]
 
 Word = Literal[
-    "device", "stability", "gain-margin", "delay-margin", "force", "ripple", "certificate"
+    "device", "stability", "gain-margin", "delay-margin", "force", "ripple", "lead", "certificate"
 ]
 #: What stability rests on; force limit and encoder are judged against where they are stated.
 NEEDED: tuple[Fact, ...] = ("motion", "sample_time", "delay")
 #: The one element of the scene that an audit makes of the gains.
 ELEMENT = "gains"
+#: A lead is stated in four digits.
+_ROUNDED = 1e-3
 #: What stays this close to the least size that is looked at is nothing.
 _MORE = 10.0
 
@@ -92,6 +94,7 @@ class Audit(Tabular):
         ripple: of the force, N rms; None without an encoder resolution or where it is unstable.
         wall: what a free device meets that runs into these gains as a wall that only pushes; at
             the speed of the default motion.
+        lead: how far before its face a wall may be met, m; None where none is asked for.
         jumps: force that one count of the encoder causes through each effect, N.
         faults: empty where the gains are safe.
         nearest: the nearest safe values, None where the gains are safe or nothing is.
@@ -107,6 +110,7 @@ class Audit(Tabular):
     peak: float | None
     ripple: float | None
     wall: Contact
+    lead: float | None
     jumps: dict[EffectName, float]
     faults: tuple[Fault, ...]
     nearest: Effects | None
@@ -129,6 +133,7 @@ class Audit(Tabular):
                 ("sustained_force", self.sustained, limit and limit.continuous),
                 ("peak_force", self.peak, limit and limit.peak),
                 ("ripple", self.ripple, self.design.ripple_limit),
+                ("lead", self.wall.lead, self.lead),
             )
         ]
 
@@ -165,8 +170,8 @@ def audit(
         margin: what is asked for.
         extra_delay_samples: on top of the device's delay, from now on part of it.
         like: a profile and the name of its element as which they are judged: a wall, cut at its
-            level of force, in its motion, rippling as much as is allowed there. None is an element
-            that is neither, in the usual motion.
+            level of force, in its motion, rippling and met before its face as much as is allowed
+            there. None is an element that is neither, in the usual motion.
         proved: False leaves out certificate and nearest safe values, which take most of the time;
             nothing is safe then.
 
@@ -194,7 +199,17 @@ def audit(
     late = design.elements[ELEMENT].margins.extra_delay_samples
     noise = ripple(problem, combination, sizes) if stable else None
     refusal = refusal_of(device)
+    level = design.elements[ELEMENT].force_level
+    if like is not None:
+        level = min(level, like[0].elements[like[1]].force_level or level)
+    changed = {"one_sided": True, "force_level": level}
+    wall = design.elements[ELEMENT].model_copy(update=changed)
+    extra, lead = problem.margin.extra_delay_samples, scene.elements[ELEMENT].lead
+    met = contact(design.device, problem.region.box, problem.filters, wall, extra)
     faults = tuple(_faults_of(problem, MARGINS[margin], sizes, gain, noise))
+    if lead is not None and met.lead is not None and met.lead > lead * (1 + _ROUNDED):
+        seen, remedy = f"it is met {met.lead:.4g} before its face", "Lower the damping."
+        faults = (*faults, Fault("lead", seen, f"{lead:g} at most", remedy))
     if refusal is not None:
         faults = (Fault(limit="device", **asdict(refusal)), *faults)
     certificate = None
@@ -204,12 +219,6 @@ def audit(
         except CheckFailedError as error:
             least = "Lower the gains."
             faults = tuple(Fault("certificate", why, "proved", least) for why in error.failures)
-    level = design.elements[ELEMENT].force_level
-    if like is not None:
-        level = min(level, like[0].elements[like[1]].force_level or level)
-    changed = {"one_sided": True, "force_level": level}
-    wall = design.elements[ELEMENT].model_copy(update=changed)
-    extra = problem.margin.extra_delay_samples
     sustained, peak = (None if cut else float(force) for force in forces(combination, sizes))
     total = problem.effects(combination, sizes)
     used, count = used_filters(filters, total), device.encoder_resolution
@@ -222,7 +231,8 @@ def audit(
         sustained=sustained,
         peak=peak,
         ripple=noise,
-        wall=contact(design.device, problem.region.box, problem.filters, wall, extra),
+        wall=met,
+        lead=lead,
         jumps={}
         if count is None
         else count_jump(total, device.sample_time.value, count.value, filters),
@@ -304,8 +314,16 @@ def _scene_of(
     if like is not None:
         element = like[0].elements[like[1]]
         asked |= {"one_sided": element.one_sided, **to_mapping(element.motion)}
+        if element.lead is not None and not _wants_its_damping(*like):
+            asked["lead"] = element.lead
         scene["ripple_limit"] = like[0].ripple_limit
     return scene | {"elements": {ELEMENT: asked}}
+
+
+def _wants_its_damping(design: Design, name: str) -> bool:
+    """Whether it is told which damping to have, which no lead limits."""
+    noted = any(note.startswith(f"{name}.damping: ") for note in design.notes)
+    return noted or design.elements[name].limited_by.get("damping") == "wanted"
 
 
 def _as_judged(device: Device, samples: float) -> Device:

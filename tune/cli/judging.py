@@ -217,6 +217,7 @@ def _audit_details(found: Audit) -> dict[str, object]:
             "sustained_force": limit and limit.continuous,
             "peak_force": limit and limit.peak,
             "ripple": design.ripple_limit,
+            "lead": found.lead,
         },
         "gain_margin": found.gain,
         "extra_delay_samples": found.delay_samples,

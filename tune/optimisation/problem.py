@@ -55,6 +55,8 @@ _REMAINS = 1e-3
 _FAVOURED = 4.0
 #: Steps of its stiffness that a wall gives up for more damping.
 _YIELDS = 0.5
+#: Part of the most that a lead allows below which damping that is judged as it is binds nothing.
+_ANY_DAMPING = 1e-6
 #: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
 #: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
 _BARELY_FELT = 1e-3
@@ -343,7 +345,7 @@ def problem_of(
     continuous, peak = (None, None) if limit is None else (limit.continuous, limit.peak)
     forces = _force_rows(combinations, len(unknowns), continuous, peak)
     ends = renderings(unknowns, Shares.of(device, used), asking.scale, scene.walls) if felt else ()
-    leads = _lead_limits(task, margin, elements, unknowns)
+    leads = _lead_limits(task, margin, elements, unknowns, felt=felt)
     return Problem(
         unknowns=unknowns,
         combinations=combinations,
@@ -454,11 +456,17 @@ def _serves(given: Element) -> bool:
 
 
 def _lead_limits(
-    task: DesignTask, margin: Margin, elements: Sequence[str], unknowns: Sequence[Unknown]
+    task: DesignTask,
+    margin: Margin,
+    elements: Sequence[str],
+    unknowns: Sequence[Unknown],
+    *,
+    felt: bool,
 ) -> Iterator[tuple[int, int, float, float]]:
     """Walls whose damper more than repays the lag of their spring, and acts before the face a bit.
 
-    0 <= speed·(B/K - τ) <= lead (docs/theory.md, 11), where the damping is not a wanted value.
+    0 <= speed·(B/K - τ) <= lead (docs/theory.md, 11), where the damping is not a wanted value. Of
+    gains that are judged as they are, not ``felt``, a lead that is stated limits the damper.
     """
     scene, motion, step = task.scene, task.device.motion, task.device.sample_time
     box, lag = task.region.box, task.region.current_lag
@@ -470,8 +478,13 @@ def _lead_limits(
         lead = scene.lead(name, motion)
         own = {u.effect: i for i, u in enumerate(unknowns) if u.element == name and not u.settled}
         K, B = own.get("stiffness"), own.get("damping")
-        if not (lead is None or K is None or B is None or unknowns[B].wish.kind == "value"):
-            yield K, B, late, present + lead / scene.motion(name, motion).speed
+        if lead is None or K is None or B is None:
+            continue
+        most = present + lead / scene.motion(name, motion).speed
+        if unknowns[B].wish.kind != "value":
+            yield K, B, late, most
+        elif not felt and scene.elements[name].lead and unknowns[B].wish.sign > 0:
+            yield K, B, _ANY_DAMPING * most, most
 
 
 def _combination(

@@ -432,7 +432,8 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
         yield f"one count through {name}", f"{jump:.3g} {force}", "-"
     speed = f"{design.elements[ELEMENT].motion.speed:g} {units['speed']}"
     met = ", ".join(_contact_words(found.wall, units, speed))
-    yield "as a wall that only pushes, a free device", met or "-", "-"
+    most = "-" if found.lead is None else f"met at most {found.lead:g} {units['length']} before it"
+    yield "as a wall that only pushes, a free device", met or "-", most
     if margins is None:
         return
     yield "slowest decay", f"{margins.decay:.4g} 1/s", "-"

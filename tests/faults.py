@@ -579,8 +579,8 @@ FAULTS: tuple[Fault, ...] = (
         ),
         (
             "ripple of an element",
-            "elif not abs(said - seen) <= _RIPPLE_AGREES * seen:",
-            "elif seen < 0:",
+            "alike = abs(said - seen) <= _RIPPLE_AGREES * seen",
+            "alike = seen >= 0",
         ),
     ),
     *_of(

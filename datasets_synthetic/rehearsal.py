@@ -102,7 +102,7 @@ def _conditions(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[_Con
 
     Other devices are played without friction.
     """
-    bare = [_without_friction(each) for each in (rig, *others)]
+    bare = [replace(each, coulomb_friction=0.0, coulomb_asymmetry=0.0) for each in (rig, *others)]
     hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
     own = [rig, bare[0]] if rig.coulomb_friction[0] > 0 else bare[:1]
     return [
@@ -111,11 +111,6 @@ def _conditions(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[_Con
         for some in rigs
         for on, held in hands
     ]
-
-
-def _without_friction(rig: Rig) -> Rig:
-    """The device without Coulomb friction."""
-    return replace(rig, coulomb_friction=0.0, coulomb_asymmetry=0.0)
 
 
 def _plays(controller: Controller, conditions: Sequence[_Condition], batch: int) -> list[_Play]:
@@ -381,11 +376,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rehearsal:
-    """All trials of one controller.
-
-    Attributes:
-        trials: in the order they were played.
-    """
+    """All trials of one controller, in the order they were played."""
 
     trials: tuple[Trial, ...]
 

@@ -46,10 +46,6 @@ class NodeOfAxes(HaptuneNode):
         faces = [name for name, face in now.items() if face is not None]
         return self.law.force([name for name in now if name not in faces], faces, period, places)
 
-    def ended(self) -> list[float]:
-        """No force, and every contact ended."""
-        return self.law.stop()
-
 
 def run() -> None:
     """Run the node until it is told to stop."""

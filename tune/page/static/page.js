@@ -131,20 +131,12 @@ function table({ headings, rows, numeric, title, lines }) {
   return make("div", { className: "wide" }, made, ...lines.map((line) => make("p", { className: "faint" }, line)));
 }
 
-const ELEMENTS = {
-  wall: "{stiffness: max, damping: max, one_sided: true}",
-  fluid: "{damping: max}",
-  object: "{mass: max}",
-  spring: "{stiffness: max}",
-  lightness: "{damping: min}",
-};
-
-/** One more element of a kind, at the head of the elements of the scene's text. */
-function add(kind) {
+/** One more element of a kind and its wishes, at the head of the elements of the scene's text. */
+function add(kind, wishes) {
   const text = $("scene-text").value;
   let name = kind;
   while (text.includes(`  ${name}:`)) name += "_2";
-  $("scene-text").value = text.replace(/^elements:\n/m, `elements:\n  ${name}: ${ELEMENTS[kind]}\n`);
+  $("scene-text").value = text.replace(/^elements:\n/m, `elements:\n  ${name}: {${wishes}}\n`);
 }
 
 async function showDevice() {
@@ -313,7 +305,7 @@ document.onclick = ({ target }) => {
   if (target.dataset.run) guarded(() => run(target));
   if (target.id === "cancel") ask("stop/", {});
   if (target.id === "back") start();
-  if (target.dataset.kind) add(target.dataset.kind);
+  if (target.dataset.wishes) add(target.textContent, target.dataset.wishes);
   if (target.id === "save-scene") guarded(() => put(chosen("scene") || "scene.yaml", (seen.text = $("scene-text").value)));
   if (target.id === "state")
     guarded(() => put("hardware.yaml", JSON.stringify({ schema: "haptune/hardware/1", ...seen.facts, ...gather($("facts")) })));

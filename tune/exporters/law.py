@@ -10,6 +10,7 @@ import re
 import textwrap
 import unicodedata
 from collections.abc import Iterable
+from itertools import chain, count
 
 from identification import ForceLimit, InvalidInputError
 from tune.documents.profile import ElementProfile, SafeProfile
@@ -190,16 +191,10 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     """
     wanted = {name: _identifier(name) for name in names}
     found = {name: name for name, word in wanted.items() if name == word}
-    taken = set(found.values())
     for name, word in wanted.items():
-        if name in found:
-            continue
-        free, number = word, 1
-        while free in taken:
-            number += 1
-            free = f"{word}_{number}"
-        found[name] = free
-        taken.add(free)
+        if name not in found:
+            numbered = chain([word], (f"{word}_{number}" for number in count(2)))
+            found[name] = next(each for each in numbered if each not in found.values())
     return {name: found[name] for name in wanted}
 
 

@@ -100,7 +100,9 @@ class Page:
         app = Starlette(
             routes=[Mount("/" + self.token, routes=own)],
             middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=["127.0.0.1"])],
-            exception_handlers=dict.fromkeys(kinds, _refused),
+            exception_handlers=dict.fromkeys(
+                kinds, lambda _, error: PlainTextResponse(str(error), status_code=422)
+            ),
             lifespan=self._life,
         )
         self.server = uvicorn.Server(
@@ -241,10 +243,6 @@ def _sent(path: Path, policy: str) -> Response:
     headers = {"Content-Security-Policy": policy, "Referrer-Policy": "no-referrer"}
     headers |= {"Cache-Control": "no-store", "X-Content-Type-Options": "nosniff"}
     return FileResponse(path, headers=headers)
-
-
-def _refused(_: Request, error: Exception) -> Response:
-    return PlainTextResponse(str(error), status_code=422)
 
 
 def _kind_of(path: Path) -> str:

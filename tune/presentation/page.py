@@ -136,7 +136,14 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     yield "margin asked for", f"{margin.name}: gain {margin.gain:g}, {late} of delay"
     yield "filters", filters_in_words(loop)
     yield "ripple allowed", f"{safe.ripple_limit:g} {force} rms"
-    for words, names in _motions(safe, units).items():
+    motions: dict[str, list[str]] = {}
+    for name, element in safe.elements.items():
+        motion, speed = element.motion, units["speed"]
+        words = f"{motion.speed:g} {speed}, {motion.acceleration:g} {speed[:-1]}s²"
+        if motion.penetration is not None:
+            words += f", {motion.penetration:g} {units['length']} deep"
+        motions.setdefault(words, []).append(name)
+    for words, names in motions.items():
         yield f"the hand moves in {', '.join(names)}", words
     if safe.perception is not None:
         yield "what a hand can tell, by", safe.perception.name
@@ -146,20 +153,6 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
 
 def _stated(value: object) -> str:
     return "not stated" if value is None else str(value)
-
-
-def _motions(safe: SafeProfile, units: dict[str, str]) -> dict[str, list[str]]:
-    """Elements by the motion that a scene expects in them, in words."""
-    found: dict[str, list[str]] = {}
-    for name, element in safe.elements.items():
-        motion = element.motion
-        words = (
-            f"{motion.speed:g} {units['speed']}, {motion.acceleration:g} {units['speed'][:-1]}s²"
-        )
-        if motion.penetration is not None:
-            words += f", {motion.penetration:g} {units['length']} deep"
-        found.setdefault(words, []).append(name)
-    return found
 
 
 def _picture(words: str, *figures: Figure) -> dict[str, object]:

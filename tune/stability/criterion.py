@@ -5,8 +5,7 @@ absolute values it was added up from; the true coefficient lies within ``ULPS·u
 certainly stable, -1 certainly not stable and 0 closer to the boundary than float64 can tell.
 
 Many settings of one loop are judged a block of points at a time: both judges decide what error
-bounds common to all the points of a block can decide, and leave the rest at 0 for `routh`. Their
-arrays are made once and reused, so that a block stays in the cache.
+bounds common to all the points of a block can decide, and leave the rest at 0 for `routh`.
 
 **Passivity** is a second verdict. J. E. Colgate and G. G. Schenkel, "Passivity of a class of
 sampled-data systems: application to haptic interfaces", Journal of Robotic Systems 14(1), 1997: a
@@ -203,153 +202,98 @@ def routh_ratios(coefficients: Sequence[Any]) -> list[Any]:
 
 
 #: Points of a block: its arrays stay in the cache, and the cost of a call is shared by many.
-_QUARTIC_BLOCK, _TABLE_BLOCK = 16384, 8192
+_BLOCK = 8192
 
-#: The bounds begin with so much more than the coefficients' own errors; see `_Table`.
+#: The bounds begin with so much more than the coefficients' own errors; see `_table`.
 _ROUNDED = 8
 
+#: (certainly stable, certainly not) at some points.
+_Judged = tuple[NDArray[np.bool_], NDArray[np.bool_]]
 
-def judge_of(terms: FloatArray, sizes: FloatArray, *, position_free: bool) -> _Table | _Quartic:
-    """The quickest judge of a loop: it writes verdicts of up to ``block`` points at a time.
+
+def judge_many(
+    terms: FloatArray,
+    sizes: FloatArray,
+    values: Sequence[FloatArray],
+    count: int,
+    *,
+    position_free: bool,
+) -> VerdictArray:
+    """The verdicts of one loop at many points, shape (count,); 0 is left to `routh`.
 
     Terms are (degree+1, 1 + effects), ascending: the constant part and the coefficient of each
-    effect; in sizes every factor is taken absolutely. Without a spring in the structure
-    (``position_free``) the factor w is left out of the judgement.
+    effect; in sizes every factor is taken absolutely. Values of each effect are (count,). Without a
+    spring in the structure (``position_free``) the factor w is left out of the judgement.
     """
-    if len(terms) == 5:
-        return _Quartic(terms, sizes, position_free=position_free)
-    start = 1 if position_free else 0
-    return _Table(terms[start:], sizes[start:])
-
-
-class _Judge:
-    """Values of each effect at up to ``block`` points, in arrays that are reused."""
-
-    block: int
-
-    def __init__(self, terms: FloatArray, sizes: FloatArray) -> None:
-        self._terms = terms
-        self._sizes = sizes
-        self._points = np.ones((terms.shape[1], self.block))
-
-    def _filled(self, values: tuple[FloatArray, ...], count: int) -> tuple[FloatArray, FloatArray]:
-        """The points, (1 + effects, count), and the sizes behind the coefficients of them all."""
-        points = self._points[:, :count]
+    quartic = len(terms) == 5
+    if not quartic:
+        start = 1 if position_free else 0
+        terms, sizes = np.ascontiguousarray(terms[start:][::-1]), sizes[start:][::-1]
+    verdict = np.empty(count, dtype=np.int8)
+    for first in range(0, count, _BLOCK):
+        part = verdict[first : first + _BLOCK]
+        points = np.ones((1 + len(values), part.size))
         for row, value in zip(points[1:], values, strict=True):
-            row[:] = value
-        return points, self._sizes @ np.maximum(points.max(axis=1), -points.min(axis=1))
+            row[:] = value[first : first + _BLOCK]
+        size = sizes @ np.maximum(points.max(axis=1), -points.min(axis=1))
+        c = terms @ points
+        stable, unstable = _quartic(c, size, position_free) if quartic else _table(c, size)
+        part[:] = stable
+        part -= unstable.view(np.int8)
+    return verdict
 
 
-class _Table(_Judge):
-    """Any degree: Routh's array with running error bounds, in place.
+def _table(c: FloatArray, size: FloatArray) -> _Judged:
+    """Any degree: Routh's array with running error bounds, in place; highest power first.
 
     With r = u0/v0 every entry of the next row is u - r·v, and its error that of u, r + dr times
     that of v, and dr times |v|. What is rounded on the way is less than a sixteenth of these bounds
     in each row, because they begin with more than 32 units of roundoff; beginning with eight
     times as much covers thirty rows.
     """
-
-    block = _TABLE_BLOCK
-
-    def __init__(self, terms: FloatArray, sizes: FloatArray) -> None:
-        super().__init__(np.ascontiguousarray(terms[::-1]), sizes[::-1])
-        rows = len(terms)
-        self._coefficients, self._errors = np.empty((2, rows, self.block))
-        self._scratch = np.empty((rows, self.block))
-        self._ratio, self._slack, self._reach = np.empty((3, self.block))
-        self._good, self._bad, self._flag = np.empty((3, self.block), dtype=np.bool_)
-
-    def judge(self, values: tuple[FloatArray, ...], verdict: VerdictArray) -> None:
-        count = verdict.size
-        points, size = self._filled(values, count)
-        slack = _ROUNDED * ULPS * UNIT * size
-        c = np.matmul(self._terms, points, out=self._coefficients[:, :count])
-        e = self._errors[:, :count]
-        e[:] = slack[:, None]
-        good, bad, flag = self._good[:count], self._bad[:count], self._flag[:count]
-        lowest = np.min(c, axis=0, out=self._ratio[:count])
-        np.less(lowest, -slack.max(), out=bad)
-        np.greater(c[0], e[0], out=good)
-        with np.errstate(all="ignore"):
-            self._reduce(c, e, (good, bad, flag))
-        verdict[:] = good
-        verdict -= bad.view(np.int8)
-
-    def _reduce(
-        self,
-        c: FloatArray,
-        e: FloatArray,
-        flags: tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]],
-    ) -> None:
-        """Row after row; u and v hold every second power, in place."""
-        good, bad, flag = flags
-        count = c.shape[1]
-        ratio, dr, reach = self._ratio[:count], self._slack[:count], self._reach[:count]
-        u, v, eu, ev = c[0::2], c[1::2], e[0::2], e[1::2]
+    slack = _ROUNDED * ULPS * UNIT * size
+    e = np.repeat(slack[:, None], c.shape[1], axis=1)
+    unstable = c.min(axis=0) < -slack.max()
+    stable = c[0] > e[0]
+    # u and v hold every second power.
+    u, v, eu, ev = c[0::2], c[1::2], e[0::2], e[1::2]
+    with np.errstate(all="ignore"):
         while len(v):
-            np.less(v[0], np.negative(ev[0], out=reach), out=flag)
-            flag &= good
-            bad |= flag
-            good &= np.greater(v[0], ev[0], out=flag)
+            unstable |= stable & (v[0] < -ev[0])
+            stable &= v[0] > ev[0]
             width = len(v) - 1
-            if width or len(u) > 1:
-                np.divide(u[0], v[0], out=ratio)
-                np.multiply(ratio, ev[0], out=dr)
-                dr += eu[0]
-                dr /= np.subtract(v[0], ev[0], out=reach)
-                np.add(ratio, dr, out=reach)
-                part = self._scratch[:width, :count]
-                u[1 : 1 + width] -= np.multiply(v[1:], ratio, out=part)
-                np.abs(v[1:], out=part)
-                part *= dr
-                eu[1 : 1 + width] += part
-                eu[1 : 1 + width] += np.multiply(ev[1:], reach, out=part)
+            if width:
+                ratio = u[0] / v[0]
+                dr = (ratio * ev[0] + eu[0]) / (v[0] - ev[0])
+                u[1 : 1 + width] -= v[1:] * ratio
+                eu[1 : 1 + width] += np.abs(v[1:]) * dr
+                eu[1 : 1 + width] += ev[1:] * (ratio + dr)
             u, v, eu, ev = v, u[1:], ev, eu[1:]
+    return stable, unstable
 
 
-class _Quartic(_Judge):
+def _quartic(c: FloatArray, size: FloatArray, position_free: bool) -> _Judged:  # noqa: FBT001
     """Degree four: c_i > 0 and c1·c2·c3 - c0·c3² - c4·c1² > 0.
 
     This is the criterion of equations (38) to (43) with the signs they leave out. Where no spring
     holds the position the factor w is left in, and c0 is not asked for.
     """
-
-    block = _QUARTIC_BLOCK
-
-    def __init__(self, terms: FloatArray, sizes: FloatArray, *, position_free: bool) -> None:
-        super().__init__(terms, sizes)
-        self._position_free = position_free
-        self._coefficients = np.empty((5, self.block))
-        self._lowest = np.empty(self.block)
-        self._flags = np.empty((2, self.block), dtype=np.bool_)
-
-    def judge(self, values: tuple[FloatArray, ...], verdict: VerdictArray) -> None:
-        count = verdict.size
-        points, size = self._filled(values, count)
-        s0, s1, s2, s3, s4 = size
-        slack = ULPS * UNIT * float(size.max())
-        h_slack = 4 * ULPS * UNIT * float(s1 * s2 * s3 + s0 * s3 * s3 + s4 * s1 * s1)
-        c0, c1, c2, c3, c4 = np.matmul(self._terms, points, out=self._coefficients[:, :count])
-        lowest = np.minimum(c1, c2, out=self._lowest[:count])
-        for coefficient in (c3, c4) if self._position_free else (c3, c4, c0):
-            np.minimum(lowest, coefficient, out=lowest)
-        # h = c3·(c1·c2 - c0·c3) - c4·c1², overwriting what is no longer used.
-        c2 *= c1
-        c0 *= c3
-        c2 -= c0
-        c2 *= c3
-        c1 *= c1
-        c1 *= c4
-        c2 -= c1
-        one, two = self._flags[:, :count]
-        np.greater(lowest, slack, out=one)
-        np.greater(c2, h_slack, out=two)
-        np.logical_and(one, two, out=one)
-        verdict[:] = one
-        np.less(lowest, -slack, out=one)
-        np.less(c2, -h_slack, out=two)
-        np.logical_or(one, two, out=one)
-        verdict -= one.view(np.int8)
+    s0, s1, s2, s3, s4 = size
+    slack = ULPS * UNIT * float(size.max())
+    h_slack = 4 * ULPS * UNIT * float(s1 * s2 * s3 + s0 * s3 * s3 + s4 * s1 * s1)
+    c0, c1, c2, c3, c4 = c
+    lowest = np.minimum(c1, c2)
+    for coefficient in (c3, c4) if position_free else (c3, c4, c0):
+        np.minimum(lowest, coefficient, out=lowest)
+    # h = c3·(c1·c2 - c0·c3) - c4·c1², overwriting what is no longer used.
+    c2 *= c1
+    c0 *= c3
+    c2 -= c0
+    c2 *= c3
+    c1 *= c1
+    c1 *= c4
+    c2 -= c1
+    return (lowest > slack) & (c2 > h_slack), (lowest < -slack) | (c2 < -h_slack)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ from tune.loop.polynomials import (
     spread,
 )
 from tune.stability.blocks import answered
-from tune.stability.criterion import ULPS, VerdictArray, judge_of, routh
+from tune.stability.criterion import ULPS, VerdictArray, judge_many, routh
 
 #: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
 _Ratio = Callable[[FloatArray], Parts]
@@ -321,15 +321,13 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     if loop.terms.free.ndim > 1 or (loop.degree != 4 and np.prod(shape) < _MANY):
         return answered(_general, loop, effects)[0]
     present = {name: np.broadcast_to(each, shape).reshape(-1) for name, each in given.items()}
-    result = np.empty(int(np.prod(shape)), dtype=np.int8)
-    judge = judge_of(
+    result = judge_many(
         _table(loop, loop.terms, present),
         _table(loop, loop.sizes, present),
+        tuple(present.values()),
+        int(np.prod(shape)),
         position_free=loop.has_free_pole(effects),
     )
-    for start in range(0, result.size, judge.block):
-        block = slice(start, start + judge.block)
-        judge.judge(tuple(value[block] for value in present.values()), result[block])
     open_ = np.flatnonzero(result == 0)
     if open_.size:
         rest = Effects(**{name: value[open_] for name, value in present.items()})

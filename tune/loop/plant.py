@@ -36,6 +36,7 @@ from tune.loop.polynomials import (
     ONE,
     FloatArray,
     Polynomial,
+    Quadratic,
     split_fractions,
     split_into_quadratics,
 )
@@ -46,17 +47,6 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _NEAR = 20.0
 #: b from which 1/b·(1 - ...) cancels no more than a digit where a pole is beyond ``_NEAR``.
 _STIFF = 16.0
-
-
-class _Block(NamedTuple):
-    """Factors in w of one second-order system: z² - t·z + p, and numerators of x and x'.
-
-    These are of degree 2 with a fraction and 1 without, where 1+w cancelled.
-    """
-
-    denominator: Polynomial
-    position: Polynomial
-    rate: Polynomial
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,18 +95,24 @@ class _Motion:
         return left * value, left * size
 
 
-def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> _Block:
-    """Factors for arrays of a and b of one shape; fraction f, None for whole samples."""
+def _block(
+    a: FloatArray, b: FloatArray, fraction: FloatArray | None
+) -> tuple[Polynomial, Polynomial, Polynomial]:
+    """Factors in w of second-order systems: z² - t·z + p, and numerators of x and x'.
+
+    For arrays of a and b of one shape. The numerators are of degree 2 with a fraction f, and of
+    degree 1 without, where 1+w cancelled.
+    """
     motion = _Motion.of(a, b)
     total, total_size = _integral(motion, "sum", np.zeros_like(a), np.ones_like(a))
     skew, skew_size = _integral(motion, "difference", np.zeros_like(a), np.ones_like(a))
     denominator = _denominator(motion, b * total, b * total_size)
     if fraction is None:
         g, size = motion.impulse(np.ones_like(a))
-        return _Block(
-            denominator=denominator,
-            position=_polynomial((total, skew), (total_size, skew_size)),
-            rate=_polynomial((np.zeros_like(a), 2 * g), (np.zeros_like(a), 2 * size)),
+        return (
+            denominator,
+            _polynomial((total, skew), (total_size, skew_size)),
+            _polynomial((np.zeros_like(a), 2 * g), (np.zeros_like(a), 2 * size)),
         )
     f = np.broadcast_to(fraction, a.shape)
     first, first_size = _integral(motion, "impulse", np.zeros_like(f), 1 - f)
@@ -130,12 +126,12 @@ def block(a: FloatArray, b: FloatArray, fraction: FloatArray | None) -> _Block:
     bend_size = skew_size + 2 * np.where(early, lost_size + last_size, first_size + kept_size)
     g, g_size = motion.impulse(1 - f)
     e, e_size = motion.mirror(f)
-    return _Block(
-        denominator=denominator,
-        position=_polynomial(
+    return (
+        denominator,
+        _polynomial(
             (total, 2 * (first - last), bend), (total_size, 2 * (first_size + last_size), bend_size)
         ),
-        rate=_polynomial(
+        _polynomial(
             (np.zeros_like(a), 2 * (g + e), 2 * (g - e)),
             (np.zeros_like(a), 2 * (g_size + e_size), 2 * (g_size + e_size)),
         ),
@@ -275,16 +271,8 @@ class _Grip(NamedTuple):
     stiffness: FloatArray
 
 
-class _Part(NamedTuple):
-    """(r0 + r1·s)/(s² + a·s + b) of the motion at the encoder, arrays of one shape.
-
-    Sizes of whatever comes of a and b grow by the factor ``blur``.
-    """
-
-    a: FloatArray
-    b: FloatArray
-    blur: FloatArray
-    share: Polynomial
+#: (r0 + r1·s)/(s² + a·s + b) of the motion at the encoder, the numerator behind.
+_Part = tuple[Quadratic, Polynomial]
 
 
 def _vibration_of(numbers: Sequence[FloatArray], T: FloatArray) -> _Vibration:
@@ -314,9 +302,10 @@ def _parts_of(
     """Blocks of a mechanism; without a hand the rigid mass and each mode are their own."""
     one, zero = np.ones_like(delta), np.zeros_like(delta)
     if grip is None:
-        rigid = _Part(delta, spring, one, Polynomial.exact(one, zero))
-        shares = ((mode, Polynomial.exact(mode.encoder**2, zero)) for mode in modes)
-        return rigid, *(_Part(m.damping, m.stiffness, one, share) for m, share in shares)
+        rigid = Quadratic(delta, spring, one), Polynomial.exact(one, zero)
+        own = (Quadratic(mode.damping, mode.stiffness, one) for mode in modes)
+        shares = (Polynomial.exact(mode.encoder**2, zero) for mode in modes)
+        return rigid, *zip(own, shares, strict=True)
     if not modes:
         mass = 1 + grip.mass
         share = Polynomial.exact(1 / mass, zero)
@@ -326,7 +315,7 @@ def _parts_of(
             _cancelled(damping, np.abs(delta) + grip.damping),
             _cancelled(stiffness, np.abs(spring) + grip.stiffness),
         )
-        return (_Part(damping / mass, stiffness / mass, blur, share),)
+        return ((Quadratic(damping / mass, stiffness / mass, blur), share),)
     return _coupled(delta, spring, modes, grip)
 
 
@@ -364,10 +353,7 @@ def _coupled(
     lead = denominator.value[-1]
     quadratics = split_into_quadratics(denominator.scaled(1 / lead))
     shares = split_fractions(numerator.scaled(1 / lead), quadratics)
-    return tuple(
-        _Part(factor.a, factor.b, factor.blur, share)
-        for factor, share in zip(quadratics, shares, strict=True)
-    )
+    return tuple(zip(quadratics, shares, strict=True))
 
 
 #: Samples. A delay this close to a whole number of samples is that number: 0.0003 s over 0.0001 s
@@ -502,15 +488,15 @@ def _general_equivalent(
     numerators: list[Polynomial] = []
     denominators: list[Polynomial] = []
     at_lag: list[Polynomial] = []
-    for part in parts:
-        factors = block(part.a, part.b, fraction)
-        share = part.share
+    for factor, whole in parts:
+        denominator, position, rate = _block(factor.a, factor.b, fraction)
+        share = whole
         if lag is not None:
-            share, behind = _behind_lag(part, lag)
+            share, behind = _behind_lag(factor, whole, lag)
             at_lag.append(behind)
-        both = _weighted(factors.position, share, 0).plus(_weighted(factors.rate, share, 1))
-        numerators.append(_blurred(both, part.blur))
-        denominators.append(_blurred(factors.denominator, part.blur))
+        both = _weighted(position, share, 0).plus(_weighted(rate, share, 1))
+        numerators.append(_blurred(both, factor.blur))
+        denominators.append(_blurred(denominator, factor.blur))
     if lag is not None:
         held, line = _lag_factors(lag, fraction)
         denominators.append(line)
@@ -546,14 +532,16 @@ def _blurred(polynomial: Polynomial, blur: FloatArray) -> Polynomial:
     return Polynomial(value=polynomial.value, size=polynomial.size * blur)
 
 
-def _behind_lag(part: _Part, lag: FloatArray) -> tuple[Polynomial, Polynomial]:
+def _behind_lag(
+    factor: Quadratic, share: Polynomial, lag: FloatArray
+) -> tuple[Polynomial, Polynomial]:
     """(r0 + r1·s)/(s²+as+b)/(1+τs) as a fraction over each; the second is a constant.
 
     With n = 1 - aτ + bτ²: r0' = (r0(1 - aτ) + r1·bτ)/n, r1' = (r1 - r0·τ)/n, and over 1+τs
     (r0·τ² - r1·τ)/n.
     """
-    (r0, r1), (s0, s1) = part.share.value, part.share.size
-    a, b = part.a, part.b
+    (r0, r1), (s0, s1) = share.value, share.size
+    a, b, _ = factor
     common = 1 - a * lag + b * lag * lag
     sizes = 1 + np.abs(a) * lag + np.abs(b) * lag * lag
     blur = sizes / np.abs(common)

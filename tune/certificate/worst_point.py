@@ -259,11 +259,11 @@ def _climbed(
 
     loops, gain, counts = loops_at(boxes, parts)
     ends = np.cumsum(counts)[:-1]
-    climbs = [
-        _Climb.of(box, each, aim, scores, _CLIMBERS * thorough)
-        for aim in _AIMS
-        for box, each, scores in zip(boxes, parts, np.split(aim(loops, gain), ends), strict=True)
-    ]
+    climbs: list[_Climb] = []
+    for aim in _AIMS:
+        for box, each, scores in zip(boxes, parts, np.split(aim(loops, gain), ends), strict=True):
+            best = np.argsort(-scores, kind="stable")[: _CLIMBERS * thorough]
+            climbs.append(_Climb(box=box, aim=aim, parts=each[:, best], best=scores[best]))
     rising = [each for each in climbs if len(each.box.free)]
     for step in _STEPS if rising else ():
         tried = [each.tried(step) for each in rising]
@@ -320,14 +320,6 @@ class _Climb:
     aim: _Aim  # that is raised
     parts: FloatArray  # of each free side, one column a point
     best: FloatArray  # the aim at each
-
-    @classmethod
-    def of(
-        cls, box: _Box, parts: FloatArray, aim: _Aim, scores: FloatArray, climbers: int
-    ) -> _Climb:
-        """From the best of some points with known scores."""
-        best = np.argsort(-scores, kind="stable")[:climbers]
-        return cls(box=box, aim=aim, parts=parts[:, best], best=scores[best])
 
     def tried(self, step: float) -> FloatArray:
         """Each point moved by a step along each side, both ways; one column a move."""

@@ -23,7 +23,7 @@ from identification import Device, quantity
 from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import Effects, Hand
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import ComplexArray, FloatArray
@@ -230,11 +230,15 @@ def judge_margin(
     """
     margin, effects = profile.margin, effects_of(profile, combination)
     used = dict.fromkeys(used_filters(each, effects) for each in filters)
+    hands: list[HandNumbers | None] = [None]
+    if profile.hand is not None:
+        ends = ((each.low, each.high) for _, each in profile.hand)
+        hands += [HandNumbers(*corner) for corner in dict.fromkeys(product(*ends))]
     tasks = [(0.0, margin.gain), *((part * margin.extra_delay_samples, 1.0) for part in _PARTS)]
 
     def keeps(delay: float) -> bool:
         rigid = _extremes(loops, delay)
-        judged = product(used, _hands_of(profile.hand), tasks)
+        judged = product(used, hands, tasks)
         built = (
             (_loops_over(profile.device, rigid, delay + further, each, hand), gain)
             for each, hand, (further, gain) in judged
@@ -243,14 +247,6 @@ def judge_margin(
 
     lost = (delay for delay in _judged_delays(loops) if not keeps(delay))
     return Kept(elements=combination, lost_at=next(lost, None))
-
-
-def _hands_of(hand: Hand | None) -> tuple[HandNumbers | None, ...]:
-    """No hand, and every corner of a box of hands."""
-    if hand is None:
-        return (None,)
-    ends = ((each.low, each.high) for each in (hand.mass, hand.damping, hand.stiffness))
-    return (None, *(HandNumbers(*corner) for corner in dict.fromkeys(product(*ends))))
 
 
 def _judged_delays(allowed: ConsistentLoops) -> list[float]:

@@ -93,7 +93,7 @@ def test_devices_that_are_light_in_any_direction_stay_within_the_travel() -> Non
         "coulomb_friction": (0.5, 0.7, 1.0),
     }
     guesses = {k: {"low": low, "value": at, "high": high} for k, (low, at, high) in ranges.items()}
-    plan = plan_axes(spec(duration=2.0, **guesses))
+    plan = plan_axes(spec(duration=4.0, **guesses))
     turns = np.pi * np.arange(24) / 24
     units = np.stack((np.cos(turns), np.sin(turns)), axis=1)
     mass = 4.2 * np.eye(2) - 2.4 * units[:, :, None] * units[:, None, :]

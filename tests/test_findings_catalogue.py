@@ -1,4 +1,4 @@
-"""Findings of the catalogue of faulty logs, and none that refuses a good one."""
+"""Findings of the catalogue of faulty logs."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from collections.abc import Collection
 
 import pytest
 
-from identification import Hardware, LogRefusedError, identify, quantity
+from identification import LogRefusedError, identify
 from identification.findings import CODES
-from tests.findings import findings_of, refusals
+from tests.findings import findings_of
 from tests.simulated.catalogue.cases import LEVELS, Case, cases
-from tests.simulated.catalogue.good import GoodLog, good_logs
-from tests.thinned import thinned
 
 #: What a fault is also like, and may be named: a wide gap swings like a spring, lag is late.
 ALIKE = {
@@ -83,35 +81,3 @@ def test_every_plain_fault_of_the_whole_catalogue_gets_its_code() -> None:
 def test_every_fault_gets_its_code_whatever_the_noise(seed: int) -> None:
     """But for one of some fifty at most; of all 560 two are missed."""
     check_catalogue(seed, missed=1)
-
-
-def refused(good: GoodLog, *, known: bool) -> str:
-    """Why a good log is refused; "" if it is not."""
-    hardware = Hardware(
-        motion=good.log.motion,
-        delay=quantity(good.delay) if known else None,
-        encoder_resolution=quantity(good.encoder_resolution) if known else None,
-    )
-    codes = refusals(good.log.trajectory(), hardware)
-    return f"{good.name}: {sorted(codes)}" if codes else ""
-
-
-def check_good(count: int, seed: int, silent: int = 0) -> None:
-    logs = good_logs(count, seed)
-    assert len(logs) == count
-    why = [refused(each, known=bool(index % 2)) for index, each in enumerate(logs)]
-    damping = [told for told in why if told.endswith(": ['not-exciting-damping']")]
-    assert len(damping) <= silent, damping
-    assert not [told for told in why if told and told not in damping]
-
-
-@pytest.mark.parametrize("count", thinned([2, 4], 1))
-def test_no_good_log_is_refused(count: int) -> None:
-    check_good(count, 1)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(200, 205))
-def test_no_good_log_of_five_hundred_is_refused(seed: int) -> None:
-    """But for one of a hundred that stands most of the time, whose damping it does not tell."""
-    check_good(100, seed, silent=1)

@@ -153,15 +153,20 @@ def test_the_simultaneous_box_holds_devices_of_every_size() -> None:
     check_fleet(runs=8, seed=2)
 
 
-@pytest.mark.parametrize("shape", thinned(["square", "chirp", "prbs", "sine"], 1))
+@pytest.mark.parametrize("shape", thinned(["square", "chirp", "prbs", "sine", "moves"], 1))
 def test_no_usual_excitation_is_refused(shape: str) -> None:
     time = np.arange(12000) * STEP
     generator = np.random.default_rng(3)
+    move, part = np.divmod(time / 0.5, 1.0)  # each of minimum jerk, to a random place
+    places = generator.uniform(-0.06, 0.06, 25)[np.stack((move, move + 1)).astype(np.intp)]
+    path = places[0] + (places[1] - places[0]) * part**3 * (10 - 15 * part + 6 * part**2)
+    speed = np.gradient(path, STEP)
     force = {
         "square": 8 * np.sign(np.sin(9.4 * time + 0.1)),
         "prbs": np.repeat(generator.choice([-6.0, 6.0], 120), 100),
         "chirp": 10 * np.sin(2 * np.pi * (0.3 * time + 0.3 * time**2)),
         "sine": 6 * np.sin(6.3 * time),
+        "moves": 3 * np.gradient(speed, STEP) + 10 * speed + 0.8 * np.sign(speed),
     }[shape]
     axis = Axis(coulomb=0.8, delay=STEP)
     push = 5e-3 * generator.standard_normal((force.size, 1))

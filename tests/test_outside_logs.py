@@ -6,10 +6,13 @@ import pytest
 
 from tests.outside_logs import KINDS, judged, outside_log, table_of
 
+#: Kinds whose logs are what they should be: none that is usable may be refused.
+CLEAN = {"clean-open", "clean-servo", "jitter", "dropped", "delayed"}
+
 
 @pytest.mark.parametrize(
     ("kind", "seed"),
-    [("clean-servo", 1), ("pendulum-bare", 3), ("spring", 1)],
+    [("clean-open", 0), ("clean-servo", 1), ("dropped", 1), ("pendulum-bare", 3), ("spring", 1)],
 )
 def test_a_usable_log_is_accepted_and_right(kind: str, seed: int) -> None:
     log = outside_log(kind, seed)
@@ -47,3 +50,5 @@ def test_campaign(kind: str) -> None:
         assert sum(bool(each.refusals) or "hand-on-device" in each.codes for each in rows) >= 18
         return
     assert sum(bool(each.wrong) and not each.flagged for each in rows) <= 1
+    if kind in CLEAN:
+        assert not any(each.refusals for each in rows if each.usable)

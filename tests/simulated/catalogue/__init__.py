@@ -1,5 +1,1 @@
-"""Logs that must be refused, doubted or accepted: three for every finding, and good ones.
-
-``cases.cases(seed)`` gives the catalogue of faults, ``good.good_logs(count, seed)`` logs that
-nobody may refuse.
-"""
+"""Logs that must be refused or doubted, three for every finding: ``cases.cases(seed)``."""

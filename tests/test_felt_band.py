@@ -85,7 +85,7 @@ def test_effects_raised_together_keep_to_it_with_any_filters(
 ) -> None:
     rng = np.random.default_rng(len(device) + len(effects))
     kept = 0
-    for _ in range(3):
+    for _ in range(2):
         velocity, acceleration = np.exp(rng.uniform(np.log([40, 20]), np.log([200, 60])))
         profile = _tuned(
             device,
@@ -96,7 +96,7 @@ def test_effects_raised_together_keep_to_it_with_any_filters(
         )
         assert _broken(device, profile) == []
         kept += len(profile.elements["it"].perceived_steps)
-    assert kept >= 3
+    assert kept >= 2
 
 
 def test_a_damper_does_not_repay_the_damping_of_a_mass_by_its_lag() -> None:

@@ -13,7 +13,7 @@ from identification.estimators.estimate import Spread, gauss_newton, spread
 from identification.estimators.instruments import explained_by_reference, solve_instrumental
 from identification.estimators.joint import JointLog, JointModel, Rows
 from identification.estimators.joint_motion import DevicesOfAxes
-from identification.estimators.least_squares import CUT_OFF_RANGE
+from identification.estimators.least_squares import CUT_OFF_RANGE, FASTEST, FIRST_LOOK
 from identification.estimators.signals import unknown_intervals
 from identification.trajectory import FloatArray, Trajectories
 
@@ -37,14 +37,10 @@ LATER = 1e-3
 _DELAY_STEP = 0.05
 #: Weights have settled when none changes by this part; an axis of this little mass has none.
 _WEIGHED, _SINGULAR = 0.01, 1e-9
-#: Intervals whose mean speed is where the search for the start speed begins.
-_FIRST_LOOK = 10
 #: Friction of an axis is estimated if least squares find this many deviations of it.
 _CLEAR = 3.0
 #: Directions this much weaker than the strongest carry nothing but rounding.
 _NOTHING = 1e-13
-#: Rates searched, per sample, as of one axis: there nothing of a motion is left after one.
-_FASTEST = 50.0
 
 
 class NoMassError(Exception):
@@ -67,18 +63,12 @@ class JointEstimate:
     positions: tuple[FloatArray, ...] | None = None
     residuals: tuple[FloatArray, ...] | None = None
 
-    def value(self, name: str) -> float:
-        """One unknown; 0 where the model leaves it out."""
-        names = self.model.parameters
-        return float(self.values[names.index(name)]) if name in names else 0.0
-
-    def deviation(self, name: str) -> float:
-        """Its standard deviation; 0 where the model leaves it out."""
-        names = self.model.parameters
-        if name not in names:
-            return 0.0
-        index = names.index(name)
-        return float(np.sqrt(self.covariance[index, index]))
+    def told(self, name: str) -> tuple[float, float]:
+        """One unknown and its standard deviation; 0 where the model leaves it out."""
+        if name not in self.model.parameters:
+            return 0.0, 0.0
+        place = self.model.parameters.index(name)
+        return float(self.values[place]), float(np.sqrt(self.covariance[place, place]))
 
     @property
     def matrices(self) -> tuple[FloatArray, FloatArray]:
@@ -93,8 +83,8 @@ def prepare_axes(logs: Sequence[Trajectories], delay: float, room: float, doubt:
     """
     prepared = JointLog.of(logs, delay, room, doubt)
     found = _filtered(prepared, "least-squares")
-    named = [f"coulomb_friction_{axis}" for axis in prepared.model.axes]
-    kept = tuple(found.value(each) > _CLEAR * found.deviation(each) for each in named)
+    told = [found.told(f"coulomb_friction_{axis}") for axis in prepared.model.axes]
+    kept = tuple(value > _CLEAR * deviation for value, deviation in told)
     return prepared if kept == prepared.model.coulomb else prepared.with_friction(kept)
 
 
@@ -270,7 +260,7 @@ class _Playing:
         if np.linalg.eigvalsh(mass / np.outer(size, size))[0] <= _SINGULAR:
             return False
         rates = np.linalg.eigvals(np.linalg.solve(mass, damping)).real
-        if np.max(np.abs(rates)) * self.prepared.step > _FASTEST:
+        if np.max(np.abs(rates)) * self.prepared.step > FASTEST:
             return False
         return unknown_intervals(self.prepared.steps, self.delay(theta)) <= self.first
 
@@ -328,8 +318,8 @@ class _Playing:
 
         Friction stops a slow start at once, so that the motion after it does not tell its speed.
         """
-        looked = slice(self.first, self.first + _FIRST_LOOK)
-        span, parts = _FIRST_LOOK * self.prepared.step, self.prepared.parts
+        looked = slice(self.first, self.first + FIRST_LOOK)
+        span, parts = FIRST_LOOK * self.prepared.step, self.prepared.parts
         speeds = [[float(np.mean(each[looked])) for each in part.speeds] for part in parts]
         bends = [[np.sqrt(np.mean(each[looked] ** 2)) for each in part.bends] for part in parts]
         noise = [[table.signals.noise for table in part.tables] for part in parts]

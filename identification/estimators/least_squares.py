@@ -70,9 +70,11 @@ CUT_OFF_RANGE = 2.0
 _LONGEST_DELAY, _LONGEST_PART, _LONGEST_SAMPLES = 0.010, 0.1, 4
 #: Fastest |p| searched, per sample: there nothing of a motion is left after one, and no log tells a
 #: faster one. A bound that a device may reach would be taken for its rate.
-_FASTEST = 50.0
+FASTEST = 50.0
 #: Fastest growth searched, per log: e^50 exceeds any travel.
 _GROWTH = 50.0
+#: Intervals whose mean speed is where a search for the velocity at the start begins.
+FIRST_LOOK = 10
 #: Steps of the scan, s, and sample times at least, ...
 _SCAN_STEP, _SCAN_SAMPLES = 2.5e-4, 0.5
 #: ... and the finer steps about the best, parts of it, each with a parabola through the best three.
@@ -370,7 +372,7 @@ class Drive:
     def rates(self) -> tuple[float, float]:
         """p searched, 1/s."""
         step = mean_step(self.steps)
-        return -_GROWTH / step / self.moving.size, _FASTEST / step
+        return -_GROWTH / step / self.moving.size, FASTEST / step
 
     def rate_of(self, values: FloatArray) -> float:
         """b/m as far as it is searched: where the force follows the position there is no mass."""

@@ -34,13 +34,11 @@ from identification.estimators.estimate import (
     unit_columns,
 )
 from identification.estimators.filters import is_coloured, whiteness
-from identification.estimators.least_squares import Drive, Regression, complete_estimate
+from identification.estimators.least_squares import FIRST_LOOK, Drive, Regression, complete_estimate
 from identification.estimators.motion import Direction, Motion, Path, others, path, terms
 from identification.estimators.signals import HeldColumn, HeldResponse, accumulate_decay
 from identification.trajectory import FloatArray
 
-#: Intervals whose mean speed is where the search for the start velocity begins.
-_FIRST_LOOK = 10
 #: Friction this many standard deviations large decides where the device turns; less is taken for
 #: noise, and the direction of motion as measured.
 _CLEAR = 3.0
@@ -270,7 +268,7 @@ class _Turning:
         """The best fit from that of the regression; None if friction or mass vanish there."""
         table, signals = self.table, self.table.signals
         standing = table.motion.moving[0] == 0
-        speed = 0.0 if standing else float(np.mean(signals.speed[:_FIRST_LOOK]))
+        speed = 0.0 if standing else float(np.mean(signals.speed[:FIRST_LOOK]))
         late = [delay] * (self.drive.delay is None)
         best = self._simulated(np.array([*table.solve(delay), *late, speed, signals.position[0]]))
         if best is None:

@@ -38,14 +38,8 @@ class HeldColumn:
     @classmethod
     def constant(cls, level: FloatArray, steps: float | FloatArray) -> HeldColumn:
         """One value for each interval, shape (n - 1,), without jumps."""
-        nothing = np.zeros(0)
-        return cls(
-            steps=steps,
-            level=level,
-            change=nothing,
-            left=nothing,
-            interval=np.zeros(0, dtype=np.intp),
-        )
+        never = np.zeros(0, dtype=np.intp)
+        return cls(steps=steps, level=level, change=np.zeros(0), left=np.zeros(0), interval=never)
 
     @classmethod
     def turning(

@@ -353,7 +353,7 @@ def _widened(estimate: JointEstimate, alone: Sequence[LogFit]) -> JointEstimate:
     names, axes = estimate.model.parameters, estimate.model.axes
     factors = {
         (which, axis): max(
-            1.0, fit.estimate.deviation(which) / estimate.deviation(f"{which}_{axis}_{axis}")
+            1.0, fit.estimate.deviation(which) / estimate.told(f"{which}_{axis}_{axis}")[1]
         )
         for which in ("mass", "damping")
         for axis, fit in zip(axes, alone, strict=True)

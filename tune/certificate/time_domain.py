@@ -117,26 +117,21 @@ def contact_failures(design: Design, name: str) -> Iterator[str]:
         "net_damping": net,
         "lead": lead,
     }
-    pairs = [(key, getattr(said, key), value) for key, value in seen.items()]
+    claimed: dict[str, float | None] = {key: getattr(said, key) for key in seen}
     found = _restitution(design, name, element, region)
-    for place, which in enumerate(("least", "largest")):
-        pairs.append(
-            (
-                f"restitution ({which})",
-                None if said.restitution is None else said.restitution[place],
-                None if found is None else found[place],
-            )
-        )
+    for place, key in enumerate(("restitution (least)", "restitution (largest)")):
+        claimed[key] = None if said.restitution is None else said.restitution[place]
+        seen[key] = None if found is None else found[place]
     # Differences of larger numbers have the digits that these leave them.
     size = {"net_damping": 2 * abs(B) + abs(net or 0.0)}
     size["lead"] = speed * size["net_damping"] / K if K else 0.0
     size |= {"restitution (least)": 1.0, "restitution (largest)": 1.0}
-    for key, stated, value in pairs:
-        if (stated is None) != (value is None) or (
-            stated is not None
-            and value is not None
-            and not abs(stated - value) <= _AGREE * (size.get(key) or abs(value))
-        ):
+    for key, value in seen.items():
+        stated = claimed[key]
+        alike = stated is value
+        if stated is not None and value is not None:
+            alike = abs(stated - value) <= _AGREE * (size.get(key) or abs(value))
+        if not alike:
             said_so, seen_so = four_digits(stated), four_digits(value)
             yield f"{name}: contact.{key} says {said_so}, computed anew it is {seen_so}"
     most = element.lead

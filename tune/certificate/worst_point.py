@@ -33,10 +33,6 @@ class Loops:
     open: FloatArray
     feedback: FloatArray
 
-    def chosen(self, which: NDArray[np.bool_]) -> Loops:
-        """The loops of some of the points, told by a mask."""
-        return Loops(self.open[which], self.feedback[which])
-
     def radius(self, gain: float | FloatArray) -> FloatArray:
         """Largest pole modulus at a gain, or one a point; inf where doubles overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
@@ -271,7 +267,7 @@ def _climbed(
         scores = np.empty(len(gain))
         for aim in _AIMS:
             rows = np.repeat([each.aim is aim for each in rising], counts)
-            scores[rows] = aim(loops.chosen(rows), gain[rows])
+            scores[rows] = aim(Loops(loops.open[rows], loops.feedback[rows]), gain[rows])
         for each, x, own in zip(
             rising, tried, np.split(scores, np.cumsum(counts)[:-1]), strict=True
         ):

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import comb
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +41,7 @@ from tune.loop.polynomials import (
     FloatArray,
     Polynomial,
     pad_coefficients,
+    part_of,
     product,
     slope,
     spread,
@@ -462,6 +463,32 @@ class Loop:
             _combine(self.terms, values),
             _combine(self.sizes, tuple(None if v is None else np.abs(v) for v in values)),
         )
+
+
+def part_of_loops(loop: Loop, part: slice, behind: int) -> Loop:
+    """Some of the loops of an array, along the axis that is so many from its end."""
+
+    def rows(whole: Any) -> Any:
+        """Those of arrays and polynomials, in tuples however deep."""
+        if whole is None or isinstance(whole, int):
+            return whole
+        if isinstance(whole, Polynomial):
+            return Polynomial(value=rows(whole.value), size=rows(whole.size))
+        if hasattr(whole, "_make"):
+            return whole._make(map(rows, whole))
+        if isinstance(whole, tuple):
+            return tuple(map(rows, cast("tuple[Any, ...]", whole)))
+        return part_of(whole, part, behind, leading=1)
+
+    one, two, three = (part_of(scale, part, behind) for scale in loop.scales)
+    return replace(
+        loop,
+        terms=rows(loop.terms),
+        sizes=rows(loop.sizes),
+        transfer=rows(loop.transfer),
+        scales=(one, two, three),
+        factors=rows(loop.factors),
+    )
 
 
 def _closed(plant: HoldEquivalent, law: Law, delta: FloatArray) -> Loop:

@@ -107,6 +107,16 @@ def pad_coefficients(part: FloatArray, length: int) -> FloatArray:
     return np.concatenate([part, np.zeros((missing, *part.shape[1:]))]) if missing else part
 
 
+def part_of(whole: FloatArray, part: slice, behind: int, leading: int = 0) -> FloatArray:
+    """A part of an array along the axis that is so many from its end, if it is as long there.
+
+    Leading axes are not of the loops: powers.
+    """
+    if whole.ndim - leading < behind or whole.shape[-behind] == 1:
+        return whole
+    return whole[(..., part, *(slice(None),) * (behind - 1))]
+
+
 def _common(p: FloatArray, q: FloatArray) -> tuple[int, ...]:
     """The shape behind the axis of powers that both broadcast to."""
     own, other = p.shape[1:], q.shape[1:]

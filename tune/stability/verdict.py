@@ -11,24 +11,32 @@ changes, and the criterion decides once.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
-from tune.loop.loop import Factors, Loop, Parts, Terms, divided, multiplied
+from tune.loop.loop import (
+    Factors,
+    Loop,
+    Parts,
+    Terms,
+    divided,
+    multiplied,
+    part_of_loops,
+)
 from tune.loop.polynomials import (
     UNIT,
     ComplexArray,
     FloatArray,
     companion_roots,
     pad_coefficients,
+    part_of,
     parts_on_axis,
     product,
     spread,
 )
-from tune.stability.blocks import answered
 from tune.stability.criterion import ULPS, VerdictArray, judge_many, routh
 
 #: -A/B at w = jv without expanded products: v of shape (candidates, *shape).
@@ -319,7 +327,7 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
         loop.terms.free.shape[1:], *(value.shape for value in given.values())
     )
     if loop.terms.free.ndim > 1 or (loop.degree != 4 and np.prod(shape) < _MANY):
-        return answered(_general, loop, effects)[0]
+        return _answered(_general, loop, effects)[0]
     present = {name: np.broadcast_to(each, shape).reshape(-1) for name, each in given.items()}
     result = judge_many(
         _table(loop, loop.terms, present),
@@ -355,7 +363,7 @@ def gain_interval(loop: Loop, effects: Effects) -> Intervals:
         intervals = stable_gains(loop, effects)
         return _pick(intervals, (intervals.low < 1) & (intervals.high > 1))
 
-    return Intervals(*answered(around_one, loop, effects))
+    return Intervals(*_answered(around_one, loop, effects))
 
 
 def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
@@ -364,7 +372,7 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     This, not the end of the interval around 1, is the gain margin of a profile: ramps, fades and
     saturation all lower the gain (docs/theory.md, 4).
     """
-    return answered(
+    return _answered(
         lambda loop, effects: _connected_end(stable_gains(loop, effects)), loop, effects
     )[0]
 
@@ -423,7 +431,7 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
         small positive value is stable, inf where there is no limit.
     """
     others = {key: getattr(effects, key) for key in EFFECT_NAMES if effects and key != name}
-    return answered(
+    return _answered(
         lambda loop, effects: _connected_end(stable_values(loop, name, effects)),
         loop,
         Effects(**others),
@@ -478,6 +486,38 @@ def _general(loop: Loop, effects: Effects) -> tuple[VerdictArray]:
     coefficients, sizes = loop.polynomial(effects)
     start = loop.lowest_power(effects)
     return (routh(coefficients[start:], sizes[start:]),)
+
+
+#: Points of a block: some megabytes of arrays, whatever the number of all.
+_BLOCK = 4096
+
+
+def _answered(
+    answer: Callable[[Loop, Effects], tuple[NDArray[Any], ...]], loop: Loop, effects: Effects
+) -> tuple[NDArray[Any], ...]:
+    """What a function answers for each point of loop and effects, arrays of their broadcast shape.
+
+    Many points are parted along the longest axis, and parts that are still too many again. Each is
+    computed for itself, number by number, so that what a single loop answers it answers among a
+    million too, to the last digit.
+    """
+    given = zip(EFFECT_NAMES, effects.arrays(), strict=True)
+    present = {name: value for name, value in given if value is not None}
+    shape = np.broadcast_shapes(
+        loop.terms.free.shape[1:], *(value.shape for value in present.values())
+    )
+    count = int(np.prod(shape))
+    if count <= _BLOCK:
+        return answer(loop, effects)
+    longest = int(np.argmax(shape))
+    length, behind = shape[longest], len(shape) - longest
+    step = max(1, _BLOCK * length // count)
+    found: list[tuple[NDArray[Any], ...]] = []
+    for start in range(0, length, step):
+        part = slice(start, start + step)
+        chosen = {name: part_of(value, part, behind) for name, value in present.items()}
+        found.append(_answered(answer, part_of_loops(loop, part, behind), Effects(**chosen)))
+    return tuple(np.concatenate(parts, axis=-behind) for parts in zip(*found, strict=True))
 
 
 def _table(loop: Loop, terms: Terms, present: Mapping[str, object]) -> FloatArray:

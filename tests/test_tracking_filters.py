@@ -108,7 +108,7 @@ def test_filters_that_do_not_exist_are_refused_in_words(loop: dict[str, Any], wo
         LoopFreedom.model_validate(loop)
 
 
-@pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
+@pytest.mark.parametrize("device", ["homerehab", "knob"])
 def test_a_wall_that_tracks_its_speed_is_a_fifth_stiffer_and_stands_in_every_check(
     device: str, tmp_path: Path
 ) -> None:

@@ -91,7 +91,7 @@ def test_the_first_scene_of_a_device_asks_for_what_a_hand_can_tell(device: str, 
 
 
 @pytest.mark.parametrize("effect", ["stiffness", "damping", "mass"])
-@pytest.mark.parametrize("device", ["homerehab", "stylus", "knob"])
+@pytest.mark.parametrize("device", ["homerehab", "knob"])
 def test_no_wish_is_granted_above_the_largest(device: str, effect: str) -> None:
     scene = {"loop": FILTERS | {"acceleration_filter": "tracking"}, "margin": "firm"}
     most = _size(effect, "max", device, **scene)

@@ -751,6 +751,11 @@ FAULTS: tuple[Fault, ...] = (
         ),
         ("a reading used twice", "} else if (steps == 0) {", "} else if (0) {"),
         (
+            "the line of one period earlier",
+            "return fabs(position - line) <= most || ",
+            "return fabs(position - line) <= most && ",
+        ),
+        (
             "contacts after a gap",
             "        end_contacts(guard, UINT64_MAX);\n        return",
             "        return",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -158,6 +159,35 @@ def test_faster_than_the_device_can_move_is_a_glitch_and_fast_motion_is_none(
             assert replies[-1].glitches - begun == glitches
             assert (replies[10].status == "GLITCH") == bool(glitches)
             assert {reply.status for reply in replies[11:]} == {"OK"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_cannot_be_is_what_the_documents_say(guard: Guard, seed: int) -> None:
+    """Far from two lines: through the last two readings, and through the two one period earlier."""
+    profile, T, draws = tuned(), 1e-3, np.random.default_rng(seed)
+    most, place, seen = largest_change(profile), 0.0, Counter[str]()
+    used = [(-2.0, 0.0), (-1.0, 0.0), (0.0, 0.0)]  # (period, reading), bridged by straight lines
+    guard.run([push(0, 0, 0.0)])
+    for k in range(1, 600):
+        place += 0.1 * T * float(np.sin(0.05 * k))
+        reading = place + float(draws.choice([0.0, 0.0, 0.8, 1.5]) * draws.normal() * most)
+        far, steps = [], k - used[-1][0]
+        for (before, low), (after, high) in itertools.pairwise(used[-3:]):
+            line = high + (high - low) / (after - before) * (k - after)
+            far.append(abs(reading - line) > most * steps)
+        reply = guard.call(push(0, k, reading))
+        seen[reply.status] += 1
+        assert (reply.status in {"GLITCH", "LATE"}) == (all(far) or steps > 2)
+        if reply.status == "OK" or steps > 2:
+            last, rows = used[-1], int(steps)
+            used += [
+                (last[0] + n, last[1] + (reading - last[1]) * n / rows) for n in range(1, rows + 1)
+            ]
+    assert min(seen["OK"], seen["GLITCH"]) > 30
+    files = {**export(profile, "c"), **export(profile, "json"), **export(profile, "ros2")}
+    told = ("haptune_guard.h", "haptune_profile.json", "haptune_params.yaml")
+    words = [re.sub(r"[\s*#]+", " ", files[name]) for name in told]
+    assert all("one of one period earlier" in each for each in words)
 
 
 def test_an_encoder_that_jumps_for_good_ends_the_contact_and_is_followed_again(

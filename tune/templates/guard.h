@@ -43,7 +43,8 @@ extern "C" {
 #define HAPTUNE_TAPS ${taps}u
 /* Readings that a velocity looks back. */
 #define HAPTUNE_WINDOW ${window}
-/* ${length} a period: farther from the straight line through the last two no reading can be.
+/* ${length} a period: no reading can be farther both from the straight line through the last two and
+ * from the one of one period earlier, should the last have been a small jump itself.
  * ${change_words} */
 #define HAPTUNE_LARGEST_CHANGE ${change}
 

@@ -12,7 +12,7 @@ import pytest
 
 from identification import InvalidInputError
 from tests.exported import changed, tuned
-from tests.guard import Enter, Guard, Push, Reply, built, enter, push
+from tests.guard import Enter, Guard, InPython, Push, Reply, built, enter, push
 from tests.guard_program import HIDDEN, REFUSAL, build, compilers, faults_of, sources
 from tune import export
 from tune.certificate.check import inconsistent
@@ -188,6 +188,27 @@ def test_what_cannot_be_is_what_the_documents_say(guard: Guard, seed: int) -> No
     told = ("haptune_guard.h", "haptune_profile.json", "haptune_params.yaml")
     words = [re.sub(r"[\s*#]+", " ", files[name]) for name in told]
     assert all("one of one period earlier" in each for each in words)
+
+
+@pytest.mark.parametrize("kind", ["c", "python"])
+def test_a_start_in_motion_faster_than_any_stated_speed_ends_contacts_and_says_so(
+    guard: Guard, kind: str
+) -> None:
+    """As the header tells; at rest, and up to the stated speed, every reading is used."""
+    played = guard if kind == "c" else InPython(tuned())
+    for speed, statuses in (
+        (0.0, ["OK"] * 5),
+        (0.19, ["OK"] * 5),
+        (0.3, ["OK", "GLITCH", "LATE", "LATE", "NOT_ENTERED"]),
+    ):
+        played.run([enter(WALL, -1.0, 1)])
+        moving = [played.call(push(WALL, k, 1e-3 * speed * k)) for k in range(5)]
+        assert [reply.status for reply in moving] == statuses
+        assert not any(reply.force for reply in moving if reply.status != "OK")
+        played.call(enter(WALL, -1.0, 1))
+        assert played.call(push(WALL, 5, 5e-3 * speed)).status == "OK"
+    words = re.sub(r"[\s*]+", " ", export(tuned(), "c")["haptune_guard.h"])
+    assert "say HAPTUNE_GLITCH and HAPTUNE_LATE, which ends the contacts; reset then" in words
 
 
 def test_an_encoder_that_jumps_for_good_ends_the_contact_and_is_followed_again(

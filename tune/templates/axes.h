@@ -46,7 +46,8 @@ typedef struct {
     haptune_face faces[HAPTUNE_FACES];
 } haptune_axes;
 
-/* Before anything else: nothing was read, no element is entered, no face has a place. */
+/* Before anything else: nothing was read, no element is entered, no face has a place. As
+ * of a haptune_guard the first reading is taken for one of a device at rest. */
 HAPTUNE_API void haptune_axes_init(haptune_axes *device);
 
 /* Before elements that are no walls give their first force; springs rest where they are wanted. */

@@ -109,7 +109,9 @@ typedef struct {
     haptune_contact contacts[${count}];
 } haptune_guard;
 
-/* Before anything else: nothing was read and no element is entered. */
+/* Before anything else: nothing was read and no element is entered. The first reading is taken for
+ * one of a device at rest. Where that moves farther in a period than HAPTUNE_LARGEST_CHANGE, the
+ * next calls say HAPTUNE_GLITCH and HAPTUNE_LATE, which ends the contacts; reset then. */
 HAPTUNE_API void haptune_init(haptune_guard *guard);
 
 /*

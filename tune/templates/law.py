@@ -1,6 +1,6 @@
 """The certified control law of haptune_params.yaml in plain Python: nothing to install.
 
-    law = Law(parameters)                         # of the node, names such as "elements.wall.mass"
+    law = Law(parameters)                         # at rest; names as "elements.wall.mass"
     law.reset(["wall"], rest=0.0, side=1)         # before its first force: its face
     force = law.force(["wall"], period, position) # every period; a wall knows when to push
 

@@ -274,6 +274,7 @@ def test_a_pair_that_is_apart_is_refused_at_once(player: Player) -> None:
     played.stay(CUP, 200)
     reply = played.at(OTHER, 1e-5)
     assert (reply.status, reply.force) == ("NOT_TOGETHER", 0.0)
+    assert player.level([*SIZES].index("cup")) == 0.0
     assert played.at(OTHER, -1e-5).status == "OK"
     assert played.to(OTHER, -1e-3)[-1] == pytest.approx(2.0, rel=0.05)
 

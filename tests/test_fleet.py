@@ -11,13 +11,14 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
 
 import haptune as door
-from identification import InvalidInputError, load_device
+from identification import InvalidInputError, UsageError, load_device
 from tests.commands import FLUID, haptune
 from tests.fleet_logs import fleet_logs
 from tests.processes import needs_posix
@@ -257,6 +258,26 @@ def test_a_study_is_what_optimise_says_of_each_whatever_the_workers() -> None:
     assert row["water.gain"] == firm.elements["water"].margins.gain
     assert row["mass_high"] == homerehab.mass.high
     assert alone.equals(door.study(devices, scenes, margins=["firm", "balanced"], workers=2))
+
+
+def test_a_study_takes_one_of_each_and_refuses_before_any_work_what_makes_no_sense() -> None:
+    homerehab = load_device("homerehab")
+    water = Scene.model_validate({"elements": {"water": {"damping": 10.0}}})
+    one = study(homerehab, water, margins="firm", workers=1)
+    assert one.select("device", "margin", "exit_code").rows() == [("homerehab", "firm", 0)]
+    lost: list[Any] = [None, homerehab]
+    found = study(lost, water, workers=1)
+    assert found.select("device", "exit_code").rows() == [("None", 3), ("homerehab", 0)]
+    assert found["sentence"][0] == "devices: None is none. Give a Device, file or name"
+    said: list[str] = []
+    unknown: Any = ["balanced", "frm"]
+    with pytest.raises(
+        UsageError, match=r"'frm' is none\. Choose from conservative, balanced, firm"
+    ):
+        study(homerehab, water, margins=unknown, workers=1, progress=said.append)
+    with pytest.raises(UsageError, match=r"workers: 0 do no work\. Give 1 or more"):
+        study(homerehab, water, workers=0)
+    assert not said
 
 
 def fleet_of(mass: list[float], half: list[float]) -> pl.DataFrame:

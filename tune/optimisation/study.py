@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from identification import Device, LogRefusedError, UsageError, load_device
+from identification import Device, InvalidInputError, LogRefusedError, UsageError, load_device
 from tune.documents import CheckFailedError, Exit, TuneError
 from tune.documents.perception import PerceptionTable, perception_of
 from tune.documents.profile import SafeProfile
-from tune.documents.scene import MarginName, Scene, load_scene
+from tune.documents.scene import MARGINS, MarginName, Scene, load_scene
 from tune.optimisation import Progress, optimise
 
 if TYPE_CHECKING:
@@ -40,10 +40,10 @@ class WorkersLostError(TuneError):
 
 
 def study(
-    devices: Mapping[str, Device | File] | Sequence[Device | File],
+    devices: Mapping[str, Device | File] | Sequence[Device | File] | Device | File,
     scenes: Mapping[str, Scene | File] | Sequence[Scene | File] | Scene | File,
     *,
-    margins: Sequence[MarginName] | None = None,
+    margins: Sequence[MarginName] | MarginName | None = None,
     table: PerceptionTable | None = None,
     workers: int = -1,
     progress: Progress | None = None,
@@ -51,10 +51,10 @@ def study(
     """Tune every device for every scene and margin, as `optimise` does, in parallel processes.
 
     Args:
-        devices: documents, files or names of known devices; the keys of a mapping name the rows,
-            else serial numbers, names or files do.
+        devices: documents, files or names of known devices, or a single one; the keys of a mapping
+            name the rows, else serial numbers, names or files do.
         scenes: documents or files, or a single one; named alike.
-        margins: of each scene; None is its own.
+        margins: of each scene, or a single one; None is its own.
         table: Weber fractions; None is what each scene says of them.
         workers: processes on this machine; 1 works in this one, -1 has one for each processor.
         progress: called with a sentence after each result, "... (3 of 7)".
@@ -68,9 +68,16 @@ def study(
         and its margins, ``wall.gain`` and ``wall.extra_delay_samples``. All in SI units.
 
     Raises:
+        UsageError: a margin that there is not, or no workers; before any work.
         InvalidInputError: a scene that cannot be read. A device that cannot is a row.
         WorkersLostError: worker processes that were killed three times.
     """
+    margins = (margins,) if isinstance(margins, str) else margins
+    for margin in margins or ():
+        if margin not in MARGINS:
+            raise UsageError("margins", f"{margin!r} is none", f"Choose from {', '.join(MARGINS)}")
+    if workers == 0:
+        raise UsageError("workers", "0 do no work", "Give 1 or more, or -1 for one a processor")
     wishes = [
         (name, *_scene_with_table(scene, table)) for name, scene in _named(scenes, _scene_name)
     ]
@@ -90,13 +97,13 @@ def study(
 
 def _named(given: Any, name_of: Callable[[Any], str]) -> list[tuple[str, Any]]:
     """What is to be studied, each with its name."""
-    if isinstance(given, str | PathLike | Scene):
+    if isinstance(given, str | PathLike | Scene | Device):
         given = (given,)
     return [*(given.items() if isinstance(given, Mapping) else ((name_of(x), x) for x in given))]
 
 
 def _device_name(given: Device | File) -> str:
-    return given.serial or given.name if isinstance(given, Device) else fspath(given)
+    return given.serial or given.name if isinstance(given, Device) else str(given)
 
 
 def _scene_name(given: Scene | File) -> str:
@@ -117,6 +124,8 @@ def _studied(item: tuple[Device | File, Scene, PerceptionTable]) -> Row:
     row = Row()
 
     def tuned() -> SafeProfile:
+        if not isinstance(cast("object", given), Device | str | PathLike):
+            raise InvalidInputError("devices", f"{given!r} is none", "Give a Device, file or name")
         device = given if isinstance(given, Device) else load_device(given)
         row.update(device_columns(device))
         return optimise(device, scene, table=table)

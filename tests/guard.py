@@ -219,9 +219,12 @@ class ReplyOfAxes:
 class GuardOfAxes:
     """A compiled guard of several axes, called in this process."""
 
-    def __init__(self, files: Mapping[str, str], folder: Path, axes: int) -> None:
-        self._door = ctypes.CDLL(str(_built(files, _DOOR_OF_AXES, folder)))
-        self._axes = axes
+    def __init__(self, profile: SafeProfile, folder: Path) -> None:
+        folder.mkdir()
+        self._door = ctypes.CDLL(str(_built(export(profile, "c"), _DOOR_OF_AXES, folder)))
+        self._axes = len(profile.device.axes or ())
+        #: The set of each element alone.
+        self.bits = {name: 1 << place for place, name in enumerate(profile.elements)}
         numbers, count = ctypes.c_void_p, ctypes.c_uint32
         self._door.door_enter.argtypes = [ctypes.c_uint64]
         self._door.door_place.argtypes = [ctypes.c_uint, ctypes.c_uint64, numbers, ctypes.c_double]

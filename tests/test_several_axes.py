@@ -506,27 +506,24 @@ def profile(room: Path) -> SafeProfile:
 
 
 @pytest.fixture(scope="module")
-def bits(profile: SafeProfile) -> dict[str, int]:
-    return {name: 1 << place for place, name in enumerate(profile.elements)}
-
-
-@pytest.fixture(scope="module")
 def guard(room: Path, profile: SafeProfile) -> GuardOfAxes:
-    return GuardOfAxes(export(profile, "c"), _folder(room / "axes"), 2)
+    return GuardOfAxes(profile, room / "axes")
 
 
 @pytest.fixture(scope="module")
 def single(room: Path, profile: SafeProfile) -> Guard:
-    return built(export(profile, "c"), _folder(room / "single"))
+    (room / "single").mkdir()
+    return built(export(profile, "c"), room / "single")
 
 
 @pytest.mark.parametrize("name", ["water", "cup", "rubber", "wall"])
 def test_along_any_line_the_guard_of_axes_plays_what_that_of_one_plays(
-    single: Guard, bits: dict[str, int], guard: GuardOfAxes, name: str
+    single: Guard, guard: GuardOfAxes, name: str
 ) -> None:
     """A wavering motion along a line, periods missed, a gain that moves, more than springs hold."""
     chance = np.random.default_rng(3)
     line = np.array([0.6, -0.8])
+    bits = guard.bits
     single.start()
     guard.start()
     assert single.call(enter(bits[name], 2e-4, 1)).status == "OK"
@@ -553,27 +550,26 @@ def test_along_any_line_the_guard_of_axes_plays_what_that_of_one_plays(
     assert (cut > 10) == (name in {"rubber", "wall"})
 
 
-def test_a_force_that_is_cut_keeps_its_direction(
-    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
-) -> None:
+def test_a_force_that_is_cut_keeps_its_direction(profile: SafeProfile, guard: GuardOfAxes) -> None:
     rubber, limit = profile.elements["rubber"], profile.device.force_limit
     assert limit is not None
     guard.start()
-    guard.enter(bits["rubber"] | bits["water"])
+    guard.enter(guard.bits["rubber"] | guard.bits["water"])
     pulled = np.array([0.8, 0.6]) * 2 * rubber.force_level / rubber.stiffness
     for k in range(1000):
-        guard.push(bits["rubber"], 0, k, (k / 1000 * pulled).tolist())
+        guard.push(guard.bits["rubber"], 0, k, (k / 1000 * pulled).tolist())
     for k in range(1000, 2000):
-        guard.push(bits["rubber"], 0, k, pulled.tolist())
-    reply = guard.push(bits["rubber"], 0, 2000, pulled.tolist())
+        guard.push(guard.bits["rubber"], 0, k, pulled.tolist())
+    reply = guard.push(guard.bits["rubber"], 0, 2000, pulled.tolist())
     assert reply.clamped
     assert reply.force == pytest.approx(-rubber.force_level * np.array([0.8, 0.6]), rel=1e-9)
 
 
 def test_in_a_corner_under_water_the_sum_is_cut_at_the_peak(
-    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+    profile: SafeProfile, guard: GuardOfAxes
 ) -> None:
     limit = profile.device.force_limit
+    bits = guard.bits
     assert limit is not None
     guard.start()
     guard.enter(bits["water"])
@@ -588,23 +584,21 @@ def test_in_a_corner_under_water_the_sum_is_cut_at_the_peak(
 
 def test_two_laws_at_an_angle_are_not_certified(tmp_path: Path) -> None:
     made = on_axes(2)
-    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), 2)
+    guard = GuardOfAxes(made, tmp_path / "guard")
     for names, state in ((("wall", "wall"), "OK"), (("wall", "other"), "NOT_TOGETHER")):
         law = law_of_axes(made, tmp_path)
         guard.start()
         for face, (name, normal) in enumerate(zip(names, ((1.0, 0.0), (0.0, 1.0)), strict=True)):
-            bit = 1 << [*made.elements].index(name)
-            assert guard.place(face, bit, normal, -0.01) == "OK"
+            assert guard.place(face, guard.bits[name], normal, -0.01) == "OK"
             assert law.place(str(face), name, normal, -0.01).name == "OK"
         assert guard.push(0, 3, 0, (0.0, 0.0)).status == state
         law.force([], ["0", "1"], 0, [0.0, 0.0])
         assert law.status.name == state
 
 
-def test_faces_that_are_not_certified_together_give_no_force(
-    bits: dict[str, int], guard: GuardOfAxes
-) -> None:
+def test_faces_that_are_not_certified_together_give_no_force(guard: GuardOfAxes) -> None:
     periods = iter(range(100))
+    bits = guard.bits
 
     def start(*placed: tuple[float, float, float], state: str = "OK") -> None:
         guard.start()
@@ -653,7 +647,7 @@ def test_a_wall_pushes_back_to_the_nearest_place_of_its_room(
     made = on_axes(axes)
     wall = made.elements["wall"].model_copy(update={"force_level": 9.0})
     made = made.model_copy(update={"elements": {**made.elements, "wall": wall}}).signed()
-    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
+    guard = GuardOfAxes(made, tmp_path / "guard")
     cuts = 0
     for seed in range(8):
         chance = np.random.default_rng(seed)
@@ -679,7 +673,7 @@ def test_a_wall_pushes_back_to_the_nearest_place_of_its_room(
 
 
 def test_a_face_that_comes_while_its_wall_pushes_adds_nothing(
-    bits: dict[str, int], guard: GuardOfAxes, profile: SafeProfile
+    guard: GuardOfAxes, profile: SafeProfile
 ) -> None:
     """Beyond it as what pushes leaves the hand, it stands in its place after that was left."""
     guard.start()
@@ -694,11 +688,11 @@ def test_a_face_that_comes_while_its_wall_pushes_adds_nothing(
         at = height
         return replies[-1].force
 
-    assert guard.place(0, bits["wall"], normals[0].tolist(), 0.0) == "OK"
+    assert guard.place(0, guard.bits["wall"], normals[0].tolist(), 0.0) == "OK"
     assert not held(1e-4, 1).any()
     before = held(-3e-4, 1)
     assert before[1] > 1
-    assert guard.place(1, bits["wall"], normals[1].tolist(), 2e-4) == "OK"
+    assert guard.place(1, guard.bits["wall"], normals[1].tolist(), 2e-4) == "OK"
     assert held(-3e-4, 3) == pytest.approx(before, abs=1e-9)
     assert held(2e-4, 3) == pytest.approx([0.0, 0.0], abs=1e-9)  # behind it, no farther
     assert not held(5e-4, 3).any()
@@ -707,20 +701,18 @@ def test_a_face_that_comes_while_its_wall_pushes_adds_nothing(
     assert held(2e-4, 3) == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_face_moves_only_while_it_gives_no_force_and_a_gap_ends_all(
-    bits: dict[str, int], guard: GuardOfAxes
-) -> None:
+def test_a_face_moves_only_while_it_gives_no_force_and_a_gap_ends_all(guard: GuardOfAxes) -> None:
     guard.start()
-    assert guard.place(0, bits["wall"], (0.0, 1.0), 0.0) == "OK"
+    assert guard.place(0, guard.bits["wall"], (0.0, 1.0), 0.0) == "OK"
     replies = [guard.push(0, 1, k, (1e-3, 1e-5 * (20 - k))) for k in range(100)]
     reply = replies[-1]
     assert reply.force[0] == 0
     assert reply.force[1] > 1
-    assert guard.place(0, bits["wall"], (1.0, 0.0), 0.0) == "PUSHING"
-    assert guard.place(1, bits["wall"], (0.0, 1.0), -8.05e-4) == "OK"
+    assert guard.place(0, guard.bits["wall"], (1.0, 0.0), 0.0) == "PUSHING"
+    assert guard.place(1, guard.bits["wall"], (0.0, 1.0), -8.05e-4) == "OK"
     reply = guard.push(0, 2, 100, (1e-3, -8e-4))  # its damper is met before it
     assert reply.force[1] > 0.1
-    assert guard.place(1, bits["wall"], (1.0, 0.0), 0.0) == "PUSHING"
+    assert guard.place(1, guard.bits["wall"], (1.0, 0.0), 0.0) == "PUSHING"
     held = guard.push(0, 2, 101, (1e-3, np.nan))
     assert held.status == "NOT_FINITE"
     assert held.force == pytest.approx(reply.force, abs=0)
@@ -730,14 +722,14 @@ def test_a_face_moves_only_while_it_gives_no_force_and_a_gap_ends_all(
     assert guard.push(0, 2, 103, (1e-3, -8e-4)).status in {"NOT_ENTERED", "LATE"}
 
 
-def test_fades_stand_still_while_a_face_pushes(bits: dict[str, int], guard: GuardOfAxes) -> None:
+def test_fades_stand_still_while_a_face_pushes(guard: GuardOfAxes) -> None:
     """A cup that is entered in the wall has no force before it is out of it."""
     for pushing in (False, True):
         guard.start()
-        guard.enter(bits["cup"])
-        assert guard.place(0, bits["wall"], (0.0, 1.0), 0.0 if pushing else -1.0) == "OK"
+        guard.enter(guard.bits["cup"])
+        assert guard.place(0, guard.bits["wall"], (0.0, 1.0), 0.0 if pushing else -1.0) == "OK"
         replies = [
-            guard.push(bits["cup"] * (k > 150), 1, k, (1e-5 * k, 1e-5 * (20 - k)))
+            guard.push(guard.bits["cup"] * (k > 150), 1, k, (1e-5 * k, 1e-5 * (20 - k)))
             for k in range(200)
         ]
         reply = replies[-1]
@@ -757,11 +749,11 @@ def law_of_axes(profile: SafeProfile, folder: Path) -> Any:
 
 @pytest.mark.parametrize("axes", [2, 3])
 def test_the_law_of_axes_in_python_keeps_to_the_guard(
-    profile: SafeProfile, bits: dict[str, int], axes: int, tmp_path: Path
+    profile: SafeProfile, axes: int, tmp_path: Path
 ) -> None:
     """Thousands of calls of every kind, wrong ones among them: states alike, forces to rounding."""
     made = on_axes(axes, profile)
-    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
+    guard = GuardOfAxes(made, tmp_path / "guard")
     law = law_of_axes(made, tmp_path)
     guard.start()
     chance = np.random.default_rng(axes + 5)
@@ -777,14 +769,14 @@ def test_the_law_of_axes_in_python_keeps_to_the_guard(
             touched = fluids[chance.integers(len(fluids))]
             faces = chance.choice(4, chance.integers(4), replace=False).tolist()
         elif draw < 0.02:
-            told = guard.enter(sum(bits[name] for name in touched))
+            told = guard.enter(sum(guard.bits[name] for name in touched))
             assert law.enter(touched).name == told
             seen.add(told)
         elif draw < 0.05:
             face, normal = int(chance.integers(4)), normals[chance.integers(len(normals))].tolist()
             offset = float(place @ normal + chance.choice([0.0, -0.003, 0.001, np.nan]))
             element = str(chance.choice(["wall", "wall", "wall", "water"]))
-            told = guard.place(face, bits[element], normal, offset)
+            told = guard.place(face, guard.bits[element], normal, offset)
             assert law.place(str(face), element, normal, offset).name == told
             seen.add(told)
         way += 2e-6 * chance.normal(size=axes) - 5e-4 * place - 0.01 * way
@@ -800,7 +792,7 @@ def test_the_law_of_axes_in_python_keeps_to_the_guard(
         elif draw < 0.1:
             gain = float(chance.choice([0.0, 0.5, 1.5]))
         chosen = sum(1 << face for face in faces)
-        reply = guard.push(sum(bits[name] for name in touched), chosen, period, reading, gain)
+        reply = guard.push(sum(guard.bits[name] for name in touched), chosen, period, reading, gain)
         force = law.force(touched, [str(face) for face in faces], period, reading, gain)
         assert (law.status.name, law.clamped) == (reply.status, reply.clamped)
         assert (law.missed, law.glitches) == (reply.missed, reply.glitches)
@@ -868,7 +860,7 @@ def test_the_guard_of_a_random_device_makes_nothing_grow(seed: int, tmp_path: Pa
         encoder_resolution=6e-6,
     )
     turned = np.linalg.qr(chance.standard_normal((axes, axes)))[0]
-    guard = GuardOfAxes(export(made, "c"), _folder(tmp_path / "guard"), axes)
+    guard = GuardOfAxes(made, tmp_path / "guard")
     sharp = chance.standard_normal((axes + 1, axes))
     sharp[-1] = -sharp[:-1].sum(0)  # any corners: a triangle, a tetrahedron
     sharp /= np.linalg.norm(sharp, axis=1)[:, None]
@@ -880,16 +872,15 @@ def test_the_guard_of_a_random_device_makes_nothing_grow(seed: int, tmp_path: Pa
 def nothing_grows(
     guard: GuardOfAxes, profile: SafeProfile, rig: RigOfAxes, normals: FloatArray, seed: int
 ) -> None:
-    bits = {name: 1 << place for place, name in enumerate(profile.elements)}
     limit = profile.device.force_limit
     assert limit is not None
     chance = np.random.default_rng(seed)
     guard.start()
     met = {name for names in profile.combinations() if "wall" in names for name in names}
     fluids = [name for name in ("water", "cup") if name in met]
-    assert guard.enter(sum(bits[name] for name in fluids)) == "OK"
+    assert guard.enter(sum(guard.bits[name] for name in fluids)) == "OK"
     for face, normal in enumerate(normals):
-        assert guard.place(face, bits["wall"], normal.tolist(), -0.02) == "OK"
+        assert guard.place(face, guard.bits["wall"], normal.tolist(), -0.02) == "OK"
     wet, faces, fluid = True, 2 ** len(normals) - 1, fluids[seed % len(fluids)] if fluids else None
 
     def law(k: int, seen: FloatArray) -> FloatArray:
@@ -897,7 +888,7 @@ def nothing_grows(
         wet ^= chance.random() < 0.01
         if chance.random() < 0.004:
             faces ^= 1 << chance.integers(len(normals))
-        chosen = bits[fluid] if wet and fluid else 0
+        chosen = guard.bits[fluid] if wet and fluid else 0
         reply = guard.push(chosen, faces, k, seen[0].tolist())
         assert reply.status == "OK"
         assert np.linalg.norm(reply.force) <= (1 + 1e-12) * limit.peak
@@ -916,11 +907,6 @@ def nothing_grows(
     assert energy[-1] < 0.5 * energy[35]
 
 
-def _folder(path: Path) -> Path:
-    path.mkdir()
-    return path
-
-
 #: The bundled device in the plane, and the directions in which it is lightest and heaviest.
 PLANE = ident.load_mapping(bundled_path("planar.truth.yaml"))
 LIGHT, HEAVY = np.linalg.eigh(np.array(PLANE["mass"]))[1].T
@@ -930,7 +916,6 @@ GAIN, GONE, RELEASE = 0.9, 700, 0.702
 
 def played(
     guard: GuardOfAxes,
-    bits: dict[str, int],
     hand: FloatArray,
     *,
     element: str = "rubber",
@@ -952,11 +937,11 @@ def played(
         encoder_resolution=6e-6,
     )
     guard.start()
-    chosen = 0 if normal is not None else bits[element]
+    chosen = 0 if normal is not None else guard.bits[element]
     if normal is None:
         assert guard.enter(chosen) == "OK"
     else:
-        assert guard.place(0, bits[element], normal.tolist(), 0.0) == "OK"
+        assert guard.place(0, guard.bits[element], normal.tolist(), 0.0) == "OK"
     commands: list[FloatArray] = []
 
     def law(k: int, seen: FloatArray) -> FloatArray:
@@ -998,11 +983,10 @@ def test_a_spring_let_go_along_a_line_agrees(
     assessed: bool,
     holds: FloatArray | None,
     profile: SafeProfile,
-    bits: dict[str, int],
     guard: GuardOfAxes,
 ) -> None:
     """A principal one, on the lighter of which friction bends the motion too much, or a rail."""
-    seen = verify(profile, played(guard, bits, 7.5 * way, holds=holds), release=RELEASE)
+    seen = verify(profile, played(guard, 7.5 * way, holds=holds), release=RELEASE)
     assert seen.elements == ("rubber",)
     assert seen.assessed == assessed
     assert not seen.disagreements
@@ -1015,11 +999,9 @@ def test_a_spring_let_go_along_a_line_agrees(
     assert seen.motion.measured.frequency == pytest.approx(hertz, rel=0.02)
 
 
-def test_a_wall_askew_is_seen_with_its_normal(
-    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
-) -> None:
+def test_a_wall_askew_is_seen_with_its_normal(profile: SafeProfile, guard: GuardOfAxes) -> None:
     normal = np.array([0.6, 0.8])
-    log = played(guard, bits, np.array([-4.0, -3.0]), element="wall", normal=normal)
+    log = played(guard, np.array([-4.0, -3.0]), element="wall", normal=normal)
     seen = verify(profile, log, release=RELEASE)
     assert seen.direction == pytest.approx(normal, abs=1e-4)
     found = {each.check: each.verdict for each in seen.outcomes}
@@ -1034,19 +1016,19 @@ def test_a_wall_askew_is_seen_with_its_normal(
 
 
 def test_a_gain_of_one_axis_is_told_from_that_of_all(
-    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+    profile: SafeProfile, guard: GuardOfAxes
 ) -> None:
-    log = played(guard, bits, 7.5 * LIGHT, told=(1.0, 0.9))
+    log = played(guard, 7.5 * LIGHT, told=(1.0, 0.9))
     across = next(e for e in verify(profile, log, release=RELEASE).outcomes if e.check == "across")
     assert across.verdict == "disagrees"
     assert "same gain on all axes" in across.remedy
 
 
 def test_motion_that_leaves_its_line_tells_the_law_only(
-    profile: SafeProfile, bits: dict[str, int], guard: GuardOfAxes
+    profile: SafeProfile, guard: GuardOfAxes
 ) -> None:
     """Far from a principal axis both swing, each at its own frequency."""
-    log = played(guard, bits, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
+    log = played(guard, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
     seen = verify(profile, log, release=RELEASE)
     found = {each.check: each for each in seen.outcomes}
     assert found["law"].verdict == found["across"].verdict == "agrees"
@@ -1062,14 +1044,10 @@ def write_log(log: ident.Trajectories, name: str) -> None:
 
 
 def test_verify_compares_and_plans_along_principal_axes(
-    room: Path,
-    profile: SafeProfile,
-    bits: dict[str, int],
-    guard: GuardOfAxes,
-    monkeypatch: pytest.MonkeyPatch,
+    room: Path, profile: SafeProfile, guard: GuardOfAxes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(room)
-    log = played(guard, bits, 7.5 * HEAVY)
+    log = played(guard, 7.5 * HEAVY)
     write_log(log, "played.csv")
     ended = haptune(
         "verify", "profile.yaml", "played.csv", *COLUMNS, "--release", str(RELEASE), "--json"
@@ -1097,14 +1075,10 @@ def test_verify_compares_and_plans_along_principal_axes(
 
 
 def test_what_does_not_tell_is_to_be_played_along_a_principal_direction(
-    room: Path,
-    profile: SafeProfile,
-    bits: dict[str, int],
-    guard: GuardOfAxes,
-    monkeypatch: pytest.MonkeyPatch,
+    room: Path, profile: SafeProfile, guard: GuardOfAxes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(room)
-    log = played(guard, bits, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
+    log = played(guard, 7.5 * (LIGHT + HEAVY) / np.sqrt(2))
     write_log(log, "askew.csv")
     ended = haptune("verify", "profile.yaml", "askew.csv", *COLUMNS, "--release", str(RELEASE))
     assert ended.code == 4

@@ -65,6 +65,7 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (4, "at least 200", "identify short.csv"),
     (5, "wall.stiffness: its range starts at 20000", "tune homerehab impossible.yaml"),
     (6, "was changed after it was certified", "check changed.yaml"),
+    (6, "unsigned.yaml: has no digest, the content has sha256:", "check unsigned.yaml"),
     (7, "it is a folder", "tune homerehab scene.yaml -o folder"),
     (7, "there is no folder absent", "tune homerehab scene.yaml -o absent/profile.yaml"),
     (7, "a device, not a file", "tune homerehab scene.yaml -o /dev/null"),
@@ -95,6 +96,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         "late.yaml": "{motion: linear, sample_time: 0.001, mass: 3, damping: 10, delay: 0.05, "
         "encoder_resolution: 0.00001, force_limit: {continuous: 1, peak: 2}}",
         "changed.yaml": "{schema: haptune/profile/1, certificate: {}, digest: sha256:0}",
+        "unsigned.yaml": "{schema: haptune/profile/1, certificate: {}}",
         "log.csv": log_text(),
         "fleet.csv": "serial,log\nA1,log.csv\n",
         "constant.csv": log_text(force="2.0"),

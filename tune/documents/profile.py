@@ -575,13 +575,13 @@ def read_signed(path: str | PathLike[str]) -> dict[str, Any]:
 
 def signed_content(content: dict[str, Any], source: str | PathLike[str]) -> dict[str, Any]:
     """What was given; raises CheckFailedError where its digest does not belong to it."""
-    expected = digest_of(content)
-    if content.get("digest") != expected:
+    expected, stated = digest_of(content), content.get("digest")
+    if stated != expected:
+        seen = "has no digest" if not stated else f"states the digest {stated}"
         raise CheckFailedError(
             (
-                f"{fspath(source)}: the content has digest {expected}, it says "
-                f"{content.get('digest') or 'none'}; it was changed after it was certified. "
-                "Tune again instead of editing a profile",
+                f"{fspath(source)}: {seen}, the content has {expected}; it was changed after it "
+                "was certified. Tune again instead of editing a profile",
             )
         )
     return content

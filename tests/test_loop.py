@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from identification import load_device, quantity
+from identification import UsageError, load_device, quantity
 from tests.general_loops import (
     HAND,
     HOMEREHAB,
@@ -307,6 +308,43 @@ def test_what_only_a_mode_damps_is_right_to_six_digits() -> None:
     limit = float(crossings(loop_along(case, 1.0, None, None))[0].mid())
     assert limit < 1e-6
     assert float(largest(loop_of(case), "stiffness")) == pytest.approx(limit, rel=1e-6)
+
+
+@pytest.mark.parametrize("strange", [np.nan, np.inf])
+def test_a_point_that_is_not_finite_is_told_so_and_changes_no_other(strange: float) -> None:
+    loop = Loop.from_numbers(
+        mass=3.0, damping=10.0, sample_time=1e-3, filters=Filters(velocity_filter_hz=50.0)
+    )
+    K = np.linspace(100.0, 90000.0, 40)
+    among = np.where(np.arange(40) == 7, strange, K)
+    spring, others = Effects(stiffness=among), np.delete(np.arange(40), 7)
+    assert not is_stable(loop, spring)[7]
+    for found, whole in (
+        (gain_interval(loop, spring).low, gain_interval(loop, Effects(stiffness=K)).low),
+        (gain_interval(loop, spring).high, gain_interval(loop, Effects(stiffness=K)).high),
+        (safe_gain(loop, spring), safe_gain(loop, Effects(stiffness=K))),
+        (largest(loop, "damping", spring), largest(loop, "damping", Effects(stiffness=K))),
+    ):
+        assert np.isnan(found[7])
+        np.testing.assert_array_equal(found[others], whole[others])
+
+
+@pytest.mark.parametrize("shape", [(0,), (3, 0, 2)])
+def test_no_points_have_no_answers(shape: tuple[int, ...]) -> None:
+    loop = Loop.from_numbers(
+        mass=3.0, damping=10.0, sample_time=1e-3, filters=Filters(velocity_filter_hz=50.0)
+    )
+    none = Effects(stiffness=np.empty(shape))
+    assert gain_interval(loop, none).high.shape == safe_gain(loop, none).shape == shape
+    assert largest(loop, "damping", none).shape == is_stable(loop, none).shape == shape
+
+
+def test_the_largest_of_what_is_no_effect_is_a_sentence() -> None:
+    unknown: Any = "K"
+    with pytest.raises(
+        UsageError, match=r"'K' is no effect\. Choose from stiffness, damping, mass"
+    ):
+        largest(Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3), unknown)
 
 
 def test_two_stable_intervals_and_the_one_connected_to_zero() -> None:

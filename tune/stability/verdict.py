@@ -16,16 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import UsageError
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
-from tune.loop.loop import (
-    Factors,
-    Loop,
-    Parts,
-    Terms,
-    divided,
-    multiplied,
-    part_of_loops,
-)
+from tune.loop.loop import Factors, Loop, Parts, Terms, divided, multiplied, part_of_loops
 from tune.loop.polynomials import (
     UNIT,
     ComplexArray,
@@ -186,7 +179,8 @@ class Intervals(NamedTuple):
 
     Attributes:
         low: lower ends; 0 where the interval is connected to zero.
-        high: upper ends, of the same shape; inf where there is no end. Unused entries are nan.
+        high: upper ends, of the same shape; inf where there is no end. Unused entries are nan, and
+            so is the end of an interval from 0 where what is given is not finite.
     """
 
     low: FloatArray
@@ -204,20 +198,25 @@ def stable_intervals(
 
     Fixed A and varied B are (degree+1, *shape) in ascending powers of w, the sizes the absolute
     sums behind them. With a ratio, -A/B on the axis from factors, the crossings have its digits.
-    The ends ascend in s, (intervals, *shape).
+    The ends ascend in s, (intervals, *shape); 0 and nan where the crossings are no finite numbers.
     """
-    shape = fixed.shape[1:]
-    parts = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed, varied)]
-    sizes = [np.ascontiguousarray(p.reshape(len(p), -1)) for p in (fixed_size, varied_size)]
+    shape, count = fixed.shape[1:], int(np.prod(fixed.shape[1:]))
+    given = (p.reshape(len(p), count) for p in (fixed, varied, fixed_size, varied_size))
+    a, b, *sizes = map(np.ascontiguousarray, given)
+    with np.errstate(over="ignore", invalid="ignore"):
+        known = np.isfinite(np.max(np.abs(a), axis=0) * np.max(np.abs(b), axis=0))
+    if not known.all():
+        a, b, *sizes = (np.where(known, each, 0.0) for each in (a, b, *sizes))
 
     def flat(v: FloatArray) -> Parts:
         assert ratio is not None
-        real, imaginary = ratio(v.reshape(-1, *shape))
+        real, imaginary = ratio(v.reshape(len(v), *shape))
         return real.reshape(v.shape), imaginary.reshape(v.shape)
 
-    points = _candidates(parts[0], parts[1], None if ratio is None else flat)
-    low, high = _judged(parts, sizes, points)
-    return Intervals(low.reshape(-1, *shape), high.reshape(-1, *shape))
+    points = _candidates(a, b, None if ratio is None else flat)
+    low, high = _judged([a, b], sizes, points)
+    low[0, ~known] = 0.0
+    return Intervals(low.reshape(len(low), *shape), high.reshape(len(high), *shape))
 
 
 class _StabilityLimits(NamedTuple):
@@ -356,7 +355,7 @@ def gain_interval(loop: Loop, effects: Effects) -> Intervals:
 
     Returns:
         Ends of the broadcast shape: the loop is stable for every s strictly between. Both nan
-        where the effects as given are not certainly stable.
+        where the effects as given are not certainly stable, or not finite.
     """
 
     def around_one(loop: Loop, effects: Effects) -> Intervals:
@@ -369,6 +368,7 @@ def gain_interval(loop: Loop, effects: Effects) -> Intervals:
 def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
     """Largest g such that every gain in (0, g) is stable; 0 where small gains are unstable.
 
+    Of the broadcast shape of loop and effects; nan where one of them is not finite.
     This, not the end of the interval around 1, is the gain margin of a profile: ramps, fades and
     saturation all lower the gain (docs/theory.md, 4).
     """
@@ -428,8 +428,14 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
 
     Returns:
         K in N/m, B in N·s/m or M in kg, of the broadcast shape; 0 where not even an arbitrarily
-        small positive value is stable, inf where there is no limit.
+        small positive value is stable, inf where there is no limit, nan where loop or effects are
+        not finite.
+
+    Raises:
+        UsageError: a name of no effect.
     """
+    if name not in EFFECT_NAMES:
+        raise UsageError("name", f"{name!r} is no effect", f"Choose from {', '.join(EFFECT_NAMES)}")
     others = {key: getattr(effects, key) for key in EFFECT_NAMES if effects and key != name}
     return _answered(
         lambda loop, effects: _connected_end(stable_values(loop, name, effects)),
@@ -508,7 +514,8 @@ def _answered(
     )
     count = int(np.prod(shape))
     if count <= _BLOCK:
-        return answer(loop, effects)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told so
+            return answer(loop, effects)
     longest = int(np.argmax(shape))
     length, behind = shape[longest], len(shape) - longest
     step = max(1, _BLOCK * length // count)
@@ -532,8 +539,9 @@ def _like(coefficients: FloatArray, total: FloatArray) -> FloatArray:
 
 
 def _connected_end(intervals: Intervals) -> tuple[FloatArray]:
-    """The end of the interval that begins at zero; 0 where none does."""
-    return (np.nan_to_num(_pick(intervals, intervals.low == 0).high, nan=0.0, posinf=np.inf),)
+    """The end of the interval that begins at zero; 0 where none does, nan where it is not known."""
+    begun = intervals.low == 0
+    return (np.where(begun.any(axis=0), _pick(intervals, begun).high, 0.0)[()],)
 
 
 def _pick(intervals: Intervals, wanted: NDArray[np.bool_]) -> Intervals:

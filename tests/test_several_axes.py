@@ -433,7 +433,9 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
     ended = haptune("check", "profile.yaml")
     assert ended.code == 0, ended.err
     profile = load_profile("profile.yaml")
-    assert any("every axis of x, y" in each for each in profile.certificate.assumes)
+    (of_axes,) = (each for each in profile.certificate.assumes if "every axis of x, y" in each)
+    # What the guard plays: a room of any angles of one wall, several walls along one line alone.
+    assert "faces of one wall leave a convex room, those of several walls are parallel" in of_axes
     ended = haptune("export", "profile.yaml", "--to", "c", "-o", "guard")
     assert ended.code == 0, ended.err
     assert "x, y together: haptune_axes_force" in ended.out

@@ -123,9 +123,9 @@ _SPRUNG = (
     "rigid mass; no gravity"
 )
 _OF_AXES = (
-    "one law, the same on every axis of {}, at poses of the envelope that do not move; walls of "
-    "one normal, or at right angles to each other; that a part of a sample of delay makes no "
-    "direction worse than the box was looked at in 4 000 points, not proved"
+    "one law, the same on every axis of {}, at poses of the envelope that do not move; faces of "
+    "one wall leave a convex room, those of several walls are parallel; that a part of a sample of "
+    "delay makes no direction worse than the box was looked at in 4 000 points, not proved"
 )
 _WITH_MODES = "no vibration modes but those stated"
 _NO_LAG = "no lag of the current loop but what the delay holds"

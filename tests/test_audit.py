@@ -144,6 +144,25 @@ def test_without_filters_the_encoder_is_why_it_is_not_fit() -> None:
     assert "Filter velocity and acceleration" in ended.err
 
 
+def test_the_box_that_is_covered_is_told_and_whether_a_log_told_it(tmp_path: Path) -> None:
+    """95 % of one widened to 99.9 % of mass, damping and friction at once; mass on a log scale."""
+    words = ("--stiffness", "500", "--json")
+    box = haptune("audit", "homerehab", *words).result["details"]["box"]
+    factor = math.sqrt(16.26624) / 1.959964  # of χ² with three degrees of freedom
+    assert box["damping"] == pytest.approx([10 - factor, 10 + factor], rel=1e-4)
+    assert box["mass"] == pytest.approx([3 * 0.9**factor, 3 * 1.1**factor], rel=1e-4)
+    assert not box["from_logs"]
+    told = haptune("audit", "homerehab", *words[:2]).out
+    assert "mass 2.41526 to 3.65004 kg, damping 7.94224 to 12.0578 N·s/m, stated or assumed" in told
+    content = to_mapping(load_device("homerehab"))
+    log = {"source": "log.csv", "digest": "sha256:0", "samples": 2000, "method": "least-squares"}
+    content["logs"] = [log]
+    path = tmp_path / "device.yaml"
+    path.write_text(to_yaml(content))
+    assert haptune("audit", str(path), *words).result["details"]["box"]["from_logs"]
+    assert "from no log" not in haptune("audit", str(path), *words[:2]).out
+
+
 def test_a_spring_too_stiff_ends_in_6_with_the_nearest_safe_value() -> None:
     ended = haptune(
         "audit", "homerehab", "--stiffness", "30000", "--damping", "0", "--mass", "0", "--json"

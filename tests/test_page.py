@@ -209,7 +209,7 @@ def test_every_number_is_that_of_the_command_in_all_digits(
         *(details[key] for key in ("gain_margin", "jitter", "sustained_force", "peak_force")),
         *(details[key] for key in ("slowest_decay", "damping_ratio", "phase_margin_degrees")),
         *(details[key] for key in ("disk_margin", "critical_frequency_hz", "speed")),
-        *(details["needed"].values()),
+        *(*details["box"]["mass"], *details["box"]["damping"], *details["needed"].values()),
         *(details["one_count"].values()),
         *(wall["restitution"] or ()),
         *(wall[key] for key in ("depth_at_continuous_force", "depth_at_peak_force", "lead")),

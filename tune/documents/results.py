@@ -162,6 +162,7 @@ class AuditDetails(Details, total=False):
     """Details of ``audit``; null where something was not computed."""
 
     safe: bool
+    box: dict[str, Any]
     loop: dict[str, Any]
     needed: dict[str, float | None]
     gain_margin: float | None

@@ -415,6 +415,11 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
     design, margins = found.design, found.margins
     units, limit = UNITS[design.device.motion], design.device.force_limit
     force, late = units["force"], found.delay_samples
+    box = design.device.simultaneous_box()
+    pairs = {"mass": box.mass, "damping": box.damping}.items()
+    sides = [f"{name} {low:.6g} to {high:.6g} {units[name]}" for name, (low, high) in pairs]
+    sides += [] if design.device.logs else ["stated or assumed, from no log"]
+    yield "the box", ", ".join(sides), "-"
     yield "gain margin over the box", f"{found.gain:.4g}", f"{design.margin.gain:g}"
     seen = "-" if math.isnan(late) else _further_delay(late)
     yield "extra delay, samples, over the box", seen, f"{design.margin.extra_delay_samples}"

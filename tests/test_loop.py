@@ -162,6 +162,9 @@ def test_what_cannot_be_is_refused(change: dict[str, object], words: str) -> Non
     [
         ({"velocity_filter_hz": 0.0}, "velocity_filter_hz"),
         ({"acceleration_filter_hz": np.inf}, "acceleration_filter_hz"),
+        ({"velocity_filter_hz": "50"}, "velocity_filter_hz must be one number, not '50'"),
+        ({"velocity_filter_hz": np.array([50.0, 60.0])}, "velocity_filter_hz must be one number"),
+        ({"velocity_window_samples": 2.5}, "velocity_window_samples must be one whole number"),
         ({"velocity_filter_order": 3}, "velocity_filter_order"),
         ({"filter_damping_ratio": 0.0}, "filter_damping_ratio"),
         ({"filter_damping_ratio": 1.5}, "filter_damping_ratio"),

@@ -13,9 +13,10 @@ v = tan(ωT/2), w = jv, and v runs from 0 to ∞ (Nyquist).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from math import comb
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
@@ -70,8 +71,8 @@ class Filters:
         velocity_window_samples: n, samples of a moving window instead of a filter, or None.
 
     Raises:
-        LoopError: a cut-off that is not positive, an order, ratio or window that does not exist,
-            a window together with a cut-off.
+        LoopError: what is no number, a cut-off that is not positive, an order, ratio or window that
+            does not exist, a window together with a cut-off.
     """
 
     velocity_filter_hz: float | None = None
@@ -84,6 +85,10 @@ class Filters:
     velocity_window_samples: int | None = None
 
     def __post_init__(self) -> None:
+        for name in (each.name for each in fields(self) if not isinstance(each.default, str)):
+            kind, what = (Integral, "whole ") if name.endswith("samples") else (Real, "")
+            if not isinstance(value := getattr(self, name), kind | None):
+                raise LoopError(f"{name} must be one {what}number, not {value!r}")
         for which in estimators.DERIVATIVES:
             kind, cutoff, order = filter_of(self, which)
             if cutoff is not None and not 0 < cutoff < np.inf:

@@ -386,10 +386,14 @@ def test_what_stops_a_fleet_before_it_begins(here: Path) -> None:
         (2, "SN0 has no scene", ("fleet", "manifest.csv")),
         (3, "No such file", ("fleet", "manifest.csv", "--scene", "none.yaml")),
         (7, "there is no folder", (*COMMAND, "-o", "a/b")),
+        (7, "there is no folder", (*COMMAND, "-o", "a/b", "--dry-run")),
+        (7, "scene.yaml: not written: ", (*COMMAND, "-o", "scene.yaml", "--dry-run")),
     ):
         ended = haptune(*arguments)
         assert ended.code == code, ended.err
         assert words in ended.err
+    assert haptune(*COMMAND, "-o", "new", "--dry-run").code == 0
+    assert not Path("new").exists()
 
 
 @pytest.mark.long

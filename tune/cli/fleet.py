@@ -145,8 +145,9 @@ def fleet_command(
         read_request(scene, margin)
     if hardware is not None:
         ident.load_document(ident.Hardware, hardware)
+    _make(output, dry_run=dry_run)
     if not dry_run:
-        for folder in (output, output / _PROFILES, output / _RECORDS):
+        for folder in (output / _PROFILES, output / _RECORDS):
             _make(folder)
         for name in (_TABLE, _PAGE):
             session.target(output / name, manifest, scene, hardware)
@@ -323,9 +324,10 @@ def _sha(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _make(folder: Path) -> None:
+def _make(folder: Path, *, dry_run: bool = False) -> None:
     try:
-        folder.mkdir(exist_ok=True)
+        if not dry_run or folder.exists() or not folder.parent.exists():
+            folder.mkdir(exist_ok=True)
     except FileNotFoundError:
         raise NotWrittenError(folder, f"there is no folder {folder.parent}") from None
     except OSError as error:

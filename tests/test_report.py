@@ -55,7 +55,7 @@ def _page() -> str:
     """Without pictures, which would be drawn for longer than all else takes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tune.presentation.page._pictures", lambda *_: iter(()))
-        return report_html(_profile(), None, None, date(2026, 3, 4))
+        return report_html(_profile(), None, None)
 
 
 def test_a_name_is_text_wherever_it_stands() -> None:
@@ -79,7 +79,7 @@ def test_the_page_needs_no_network_and_says_what_it_is_not() -> None:
     profile = _profile()
     for said in (
         profile.digest,
-        "2026-03-04",
+        date.today().isoformat(),
         "10 N·s/m",
         *profile.certificate.assumes,
         *profile.certificate.not_assessed,

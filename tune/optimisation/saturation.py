@@ -52,12 +52,7 @@ _NOTHING = 1e-9
 
 
 def _find_multiplier(
-    responses: Responses,
-    parts: Nonlinearities,
-    gain: float,
-    ladder: list[int],
-    *,
-    seen_of: int = _SEEN,
+    responses: Responses, parts: Nonlinearities, gain: float, ladder: list[int], seen_of: int
 ) -> Multiplier | None:
     """The multiplier with the most room at a gain, as far as a grid tells; None without one.
 
@@ -79,17 +74,17 @@ def _find_multiplier(
     return _multiplier(weights, condition.owners, parts, grounded=responses.grounded)
 
 
-def _ladders(
-    parts: Nonlinearities, late: float, sample_time: float, *, long: bool
-) -> list[list[int]]:
-    """Delays of the taps, samples, to be tried in turn; the loop is late by so many.
+def _ladders(problem: Problem, parts: Nonlinearities) -> list[list[int]]:
+    """Delays of the taps, samples, to be tried in turn.
 
     Those that hold a whole exponential take long to prove.
     """
+    step, long = problem.region.box.sample_time[0], problem.slack < SLACK[-1]
+    late = problem.region.box.delay[1] / step + problem.margin.extra_delay_samples
     tried: list[float] = [max(_LONG, _DELAYS * (late + 1))]
     arrays = [each.arrays() for _, each in parts.clamps]
     lags = [float(np.asarray(B or 0.0)) / float(np.asarray(K)) for K, B, _ in arrays]
-    lag = max(lags, default=0.0) / sample_time
+    lag = max(lags, default=0.0) / step
     for longest in (min(_LAGS * lag, LONGER), _ALL_LAGS * lag * long):
         tried += [longest] * (tried[-1] * _RATIO < longest <= _LONGEST)
     return [_ladder(longest) for longest in tried]
@@ -398,18 +393,23 @@ def _search_gain(
     # What acts steadily is looked at up to the gain of the margin: nothing is claimed beyond it.
     gains = [margin.gain * (1 + 2 * ROOM) if steady else _MOST_GAIN]
     multipliers: dict[bool, Multiplier | None] = {}
-    late = box.delay[1] / box.sample_time[0] + margin.extra_delay_samples
     seen_of = _SEEN_AGAIN if problem.slack else _SEEN
-    ladders = _ladders(parts, late, box.sample_time[0], long=problem.slack < SLACK[-1])
+    ladders = _ladders(problem, parts)
     # All of the gain by the shortest taps that do, else as much as the longest do.
     order = [(ladder, part) for ladder in ladders for part in tries if part >= 1]
     order += [(ladders[-1], part) for part in tries if part < 1]
     for loop in problem.loops.between(margin.extra_delay_samples) if box.damping[0] > 0 else ():
+        # More than the loops before have is of no use.
+        most = min(min(gains) / least, 1.0)
+        if most <= _NO_GAIN:
+            break
+        if most < 1:
+            order = [(ladders[-1], part) for part in (most, *tries) if part <= most]
         responses = Responses.of(loop, steady)
         multiplier = known and (known.held if loop.grounded else known.free)
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
-        for ladder, part in () if gain >= least else order:
-            found = _find_multiplier(responses, parts, part * least, ladder, seen_of=seen_of)
+        for ladder, part in () if gain >= most * least else order:
+            found = _find_multiplier(responses, parts, part * least, ladder, seen_of)
             if found is not None:
                 reached = _least_gain(responses, parts, found)
                 found, reached = _with_few_taps(responses, parts, found, reached, least)

@@ -218,6 +218,9 @@ def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
         solved = solve(task, elements, filters, [*found.values()])
         if solved.clash is None:
             found[elements] = solved
+            less = task.without_lost_walls(solved.dropped)
+            if less is not None:
+                task, found, order = less, {}, usual
             continue
         wall, other = solved.clash
         before, task = task, task.with_room_for(wall, other) or task.without(solved.clash)

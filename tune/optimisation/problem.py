@@ -238,6 +238,18 @@ class DesignTask:
             return None
         return replace(self, parts={**self.parts, other: less})
 
+    def without_lost_walls(self, dropped: Mapping[str, str]) -> DesignTask | None:
+        """The task without walls that are dropped, by label, for which nothing has to leave room.
+
+        None where nothing did, or none is dropped.
+        """
+        known = dict(self.left_out)
+        lost = {name for name in self.scene.walls if f"{name}.stiffness" in dropped.keys() - known}
+        if not lost or not self.parts:
+            return None
+        left = [(at, why) for at, why in dropped.items() if at.rpartition(".")[0] in lost]
+        return replace(self, parts={}, left_out=(*self.left_out, *left))
+
     def with_less_to_prove(
         self, unproved: Sequence[tuple[str, ...]], why: str
     ) -> DesignTask | None:

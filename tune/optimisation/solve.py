@@ -151,6 +151,7 @@ def _solved(
     What is proved to less than one step is gone, with its reason, and the rest is tuned without it.
     """
     kept: dict[str, float] = {}
+    left_out = gone
 
     def tuned(room: float, most: Mapping[str, float] = _ANY) -> Tried:
         most = kept | {label: min(size, kept.get(label, size)) for label, size in most.items()}
@@ -164,10 +165,11 @@ def _solved(
             most=most,
             choosing=not room and not most,
             second_opinion=second_opinion,
-            gone=gone,
+            gone=left_out,
         )
 
     problem, optimum, dropped = tuned(0.0)
+    left_out = dropped  # so it stays: nothing is chosen anew
     nothing = Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
     if optimum is None or optimum.sizes is None:
         return nothing

@@ -451,7 +451,7 @@ FAULTS: tuple[Fault, ...] = (
         ("more damping where there is some", "if damping is None else", "if True else"),
     ),
     *_of(
-        "tune/optimisation/solve.py",
+        "tune/optimisation/feasibility.py",
         "tests/test_wishes.py -k one_of_the_scene",
         ("the margin of the scene", "asked = gain / (", "asked = gain / 1.0 or ("),
     ),
@@ -558,7 +558,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
-        "tune/optimisation/solve.py",
+        "tune/optimisation/feasibility.py",
         "tests/test_wishes.py -k how_much_one_is",
         ("much too little is wanted", "(top == unknown.high or _NOTHING", "(_NOTHING"),
         ("a step rounded up", "floor(step / digit + 1)", "floor(step / digit - 1)"),

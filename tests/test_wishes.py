@@ -143,6 +143,16 @@ def test_a_range_that_cannot_be_met_leaves_the_other_elements_tuned() -> None:
     assert note.startswith("rock.stiffness dropped: its range starts at 1e+06, ")
 
 
+def test_a_range_out_of_reach_is_told_with_what_is_in_reach() -> None:
+    gel = {"stiffness": {"min": 1900.0, "max": 1e4}, "penetration": 0.001}
+    met = {"gel": gel, "mud": {"damping": 5.0}}
+    profile = _tuned(met, together=[["gel", "mud"]], loop=FILTERS)
+    most = _tuned({"gel": gel | {"stiffness": "max"}}, loop=FILTERS).elements["gel"].stiffness
+    (note,) = profile.notes
+    assert f"at most {most:.4g} is kept even without the other elements, limited by " in note
+    assert "Ask for damping in the same element" in note
+
+
 def test_of_what_cannot_be_kept_together_only_what_is_left_out_is_told() -> None:
     profile = _tuned({"load": {"stiffness": "max", "mass": "max"}}, loop=FILTERS)
     assert profile.elements["load"].acting == {"stiffness"}

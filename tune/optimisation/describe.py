@@ -41,7 +41,7 @@ from tune.documents.scene import (
 from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
 from tune.loop.state_space import Corner, corners_of
-from tune.optimisation.feasibility import bindings, ripple, worst_gain
+from tune.optimisation.feasibility import TOO_LITTLE, bindings, ripple, worst_gain
 from tune.optimisation.limits import Unknown
 from tune.optimisation.problem import SLACK, Combination, DesignTask, Problem
 from tune.rendering import contact, rendered_mass_and_damping
@@ -68,8 +68,6 @@ _DIGIT = 0.01
 _HALVINGS = 3
 #: Why what fades in an element is left out.
 _PUMPED = "however slowly it fades, a hand that enters and leaves it in time could pump the device"
-#: What is said of an effect of less than a step, of which less does not help.
-TOO_LITTLE = "of a step a hand can tell"
 #: Part of a wanted value from which on it is met: written values have six digits.
 _MET = 1 - 1e-5
 #: What bounds a spring that only the device's own damping holds, and what else would hold it.
@@ -476,6 +474,7 @@ def notes_of_unmet(
     """
     units = UNITS[task.device.motion]
     alone = {label: size for solved in solutions for label, size in solved.alone.items()}
+    tightest = {label: solved.tightest for solved in solutions for label in solved.alone}
     for name, element in elements.items():
         played: dict[EffectName, float] = {each: getattr(element, each) for each in EFFECT_NAMES}
         for effect, wish in task.scene.elements[name].wishes().items():
@@ -487,7 +486,9 @@ def notes_of_unmet(
             undamped = effect == "stiffness" and why in _HELD and _undamped(task, name)
             if wish.kind == "max" and alone.get(about, 0.0) > _MUCH * size:
                 most_alone = f"about {format_number(alone[about])} {units[effect]} by itself"
-                beside = f"{most} is the most with all that is met beside it, {most_alone}"
+                mates = " and ".join(each for each in tightest[about] if each != name)
+                above = f", above all {mates}" * bool(mates)
+                beside = f"{most} is the most with all that is met beside it{above}, {most_alone}"
                 yield f"{note_of_unmet(about)}{beside}. {_TELL_APART}"
             elif wish.kind == "max" and undamped:
                 bare = f"{most} is the most without damping beside it, limited by {why}"

@@ -17,7 +17,7 @@ from identification import round_to_digits
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
-from tune.optimisation.limits import DIGITS
+from tune.optimisation.limits import DIGITS, Unknown
 from tune.optimisation.problem import Combination, Problem
 from tune.stability.verdict import (
     CLOSE,
@@ -534,3 +534,72 @@ def _close(bounds: dict[LimitedBy, float]) -> dict[LimitedBy, float]:
     """The limits that are as tight as the tightest."""
     least = min(bounds.values(), default=0.0)
     return {word: bound for word, bound in bounds.items() if bound <= least * (1 + _BINDS)}
+
+
+#: Steps that are not worth a number.
+_NOTHING = 1e-3
+#: What is said of an effect of less than a step, of which less does not help.
+TOO_LITTLE = "of a step a hand can tell"
+
+
+def reasons_for_nothing(problem: Problem) -> dict[str, str]:
+    """Why effects cannot be kept whatever the others are, by label; empty where all may."""
+    reasons: dict[str, str] = {}
+    weakest = problem.region.box.damping[0]
+    gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
+    asked = gain / ((1 + problem.room) * (1 + problem.slack))
+    limits = problem.limits
+    nothing = np.zeros(len(problem.unknowns))
+    # A positive damper of the same element holds an effect on a device without damping.
+    damped = {u.element for u in problem.unknowns if u.effect == "damping" and u.sign > 0}
+    for index, unknown in enumerate(problem.unknowns):
+        if unknown.settled:
+            continue
+        most = problem.linear.bounds(nothing, index).get("force", np.inf)
+        top = min(unknown.high, most)
+        if unknown.high <= 0:
+            reasons[unknown.label] = (
+                f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
+                f"with a gain margin of {asked:g} at most {max(unknown.high, 0):.4g}"
+            )
+        elif unknown.low > top and (top == unknown.high or _NOTHING < unknown.steps(top) < 1):
+            word = unknown.ends_by if top == unknown.high else "force"
+            reasons[unknown.label] = imperceptible(unknown, top, word)
+        elif unknown.low > top:
+            reasons[unknown.label] = (
+                f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
+                f"continuous and {limits.peak_force:g} at the peak; at most {most:.4g} keeps to it "
+                "in this motion. Ask for less"
+            )
+        elif weakest <= 0 and (weakest < 0 or unknown.element not in damped):
+            reasons[unknown.label] = (
+                f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
+                "its damping would hold this effect. Take a longer log, or add damping"
+            )
+        elif len(problem.unknowns) == 1:
+            alone = largest_allowed(problem, nothing, 0)
+            if alone >= unknown.low:
+                continue
+            stable = bool(stable_points(problem, np.array([[unknown.low]]), gain)[0])
+            if not stable and unknown.wish.kind == "range" and unknown.wish.low:
+                reasons[unknown.label] = (
+                    f"even {unknown.low:.4g} is not stable with a gain margin of {asked:g} and "
+                    f"{extra} extra sample{'s' * (extra > 1)} of delay"
+                )
+            else:
+                word = "stability"
+                if alone or stable:
+                    word = bindings(problem, np.array([alone]), [0])[0]
+                reasons[unknown.label] = imperceptible(unknown, alone, word)
+    return reasons
+
+
+def imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
+    """What is said of a size that is less than one step, and how much one is, rounded up."""
+    step = float(unknown.size_at(1.0))
+    digit = 10.0 ** (np.floor(np.log10(step)) - 2)
+    step = round_to_digits(float(np.floor(step / digit + 1)) * digit, 3)
+    return (
+        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} {TOO_LITTLE}, "
+        f"which is {unknown.sign * step:.4g}, limited by {word}"
+    )

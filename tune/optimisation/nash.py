@@ -107,6 +107,7 @@ class Solution:
         stepped_back: unknowns that are smaller for it.
         clash: a wall and an element that are not proved together; None if all are.
         alone: about what stiffness springs have where nothing is met beside them, by label.
+        tightest: elements whose clamps are proved least together.
     """
 
     problem: Problem
@@ -119,6 +120,7 @@ class Solution:
     stepped_back: frozenset[int] = frozenset()
     clash: tuple[str, str] | None = None
     alone: dict[str, float] = field(default_factory=dict[str, float])
+    tightest: tuple[str, ...] = ()
 
     def by_label(self) -> dict[str, float]:
         """Sizes, SI, of what was looked for here."""

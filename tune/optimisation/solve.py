@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import as_stored, round_to_digits
+from identification import as_stored
 from tune.documents import NoFeasibleEffectError
-from tune.documents.profile import AbsoluteStability, LimitedBy
+from tune.documents.profile import AbsoluteStability
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
-from tune.optimisation.describe import TOO_LITTLE
 from tune.optimisation.feasibility import (
     bindings,
+    imperceptible,
     largest_allowed,
     least_beside,
     passes_cheap_limits,
+    reasons_for_nothing,
     round_sizes,
     stable_in_doubles,
-    stable_points,
 )
 from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import (
@@ -44,8 +44,6 @@ FloatArray = NDArray[np.float64]
 #: No bounds but those of the problem.
 _ANY: Mapping[str, float] = MappingProxyType({})
 
-#: Steps that are not worth a number.
-_NOTHING = 1e-3
 #: Why the damper of a wall goes with its spring.
 _NO_WALL = "without its stiffness it would be no wall"
 #: In the logarithm of the product, where cut-offs are still looked for.
@@ -183,6 +181,7 @@ def _solved(
             sizes = round_sizes(less, other.sizes)
     found: AllFound = {}
     alone: dict[str, float] = {}
+    tightest: tuple[str, ...] = ()
     if second_opinion and any(combination.absolute for combination in problem.combinations):
         from tune.optimisation.saturation import MOST_LOST, soften, step_back, steps_lost
 
@@ -216,6 +215,7 @@ def _solved(
         unrounded=optimum.sizes,
         absolute=found,
         alone=alone,
+        tightest=tightest,
         stepped_back=frozenset(np.flatnonzero(sizes < linear).tolist()),
     )
 
@@ -389,7 +389,7 @@ def _shortfall(problem: Problem, label: str, beside: Mapping[str, float]) -> str
         sizes[index] = largest_allowed(problem, sizes, index)
         if sizes[index] < unknown.low or words:
             word = bindings(problem, sizes, [index])[0]
-            return words + _imperceptible(unknown, float(sizes[index]), word)
+            return words + imperceptible(unknown, float(sizes[index]), word)
     raise AssertionError("one of both is returned")
 
 
@@ -431,75 +431,22 @@ def _broken_ranges(
     }
     promised = {name: frozenset(u.label for u in ranges if u.element == name) for name in whole}
     broken = [n for n in whole if not feasible(promised[n]) and not feasible(whole[n])]
-    alone = "no setting keeps it, not even without the other elements"
     if broken:
-        return keep_promises(problem, {u.label: alone for u in ranges if u.element in broken})
+        alone = {u.label: _most_alone(problem, u) for u in ranges if u.element in broken}
+        return keep_promises(problem, alone)
     beside = "no setting keeps it together with the other effects"
     found = keep_promises(problem, {u.label: beside for u in ranges})
     raise NoFeasibleEffectError(tuple(f"{u.label}: {found[u.label]}" for u in ranges))
 
 
-def reasons_for_nothing(problem: Problem) -> dict[str, str]:
-    """Why effects cannot be kept whatever the others are, by label; empty where all may."""
-    reasons: dict[str, str] = {}
-    weakest = problem.region.box.damping[0]
-    gain, extra = problem.margin.gain, problem.margin.extra_delay_samples
-    asked = gain / ((1 + problem.room) * (1 + problem.slack))
-    limits = problem.limits
-    nothing = np.zeros(len(problem.unknowns))
-    # A positive damper of the same element holds an effect on a device without damping.
-    damped = {u.element for u in problem.unknowns if u.effect == "damping" and u.sign > 0}
-    for index, unknown in enumerate(problem.unknowns):
-        if unknown.settled:
-            continue
-        most = problem.linear.bounds(nothing, index).get("force", np.inf)
-        top = min(unknown.high, most)
-        if unknown.high <= 0:
-            reasons[unknown.label] = (
-                f"the device may have as little as {unknown.high * gain:.4g} to take away from, "
-                f"with a gain margin of {asked:g} at most {max(unknown.high, 0):.4g}"
-            )
-        elif unknown.low > top and (top == unknown.high or _NOTHING < unknown.steps(top) < 1):
-            word = unknown.ends_by if top == unknown.high else "force"
-            reasons[unknown.label] = _imperceptible(unknown, top, word)
-        elif unknown.low > top:
-            reasons[unknown.label] = (
-                f"even {unknown.low:.4g} exceeds the force limit, {limits.continuous_force:g} "
-                f"continuous and {limits.peak_force:g} at the peak; at most {most:.4g} keeps to it "
-                "in this motion. Ask for less"
-            )
-        elif weakest <= 0 and (weakest < 0 or unknown.element not in damped):
-            reasons[unknown.label] = (
-                f"the lowest damping of the device is {weakest:.4g}, not positive; nothing but "
-                "its damping would hold this effect. Take a longer log, or add damping"
-            )
-        elif len(problem.unknowns) == 1:
-            alone = largest_allowed(problem, nothing, 0)
-            if alone >= unknown.low:
-                continue
-            stable = bool(stable_points(problem, np.array([[unknown.low]]), gain)[0])
-            if not stable and unknown.wish.kind == "range" and unknown.wish.low:
-                reasons[unknown.label] = (
-                    f"even {unknown.low:.4g} is not stable with a gain margin of {asked:g} and "
-                    f"{extra} extra sample{'s' * (extra > 1)} of delay"
-                )
-            else:
-                word = "stability"
-                if alone or stable:
-                    word = bindings(problem, np.array([alone]), [0])[0]
-                reasons[unknown.label] = _imperceptible(unknown, alone, word)
-    return reasons
-
-
-def _imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
-    """What is said of a size that is less than one step, and how much one is, rounded up."""
-    step = float(unknown.size_at(1.0))
-    digit = 10.0 ** (np.floor(np.log10(step)) - 2)
-    step = round_to_digits(float(np.floor(step / digit + 1)) * digit, 3)
-    return (
-        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} {TOO_LITTLE}, "
-        f"which is {unknown.sign * step:.4g}, limited by {word}"
-    )
+def _most_alone(problem: Problem, unknown: Unknown) -> str:
+    """How far an effect falls short of its range where nothing else is asked for, and why."""
+    sizes, index = problem.nothing, problem.unknowns.index(unknown)
+    sizes[index] = most = largest_allowed(problem, sizes, index)
+    if most >= unknown.low:
+        return "no setting keeps it, not even without the other elements"
+    word = bindings(problem, sizes, [index])[0]
+    return f"at most {most:.4g} is kept even without the other elements, limited by {word}"
 
 
 #: What a rank counts beside the one before it.

@@ -160,6 +160,26 @@ def test_what_is_written_of_walls_is_what_check_reads(
     assert check_content(content, "as tuned").profile.elements.keys() == elements.keys()
 
 
+def test_a_limit_of_a_whole_combination_binds_what_hardly_moves_it() -> None:
+    """A wall of a step beside one three hundred times as stiff, which takes all of the margin."""
+    device = Device(
+        motion="rotary",
+        mass=quantity(1.06e-3, 1.05e-3, 1.07e-3),
+        damping=quantity(6.77e-4, 6.72e-4, 6.82e-4),
+        sample_time=quantity(5e-4),
+        delay=quantity(2.5e-4),
+        encoder_resolution=quantity(1.13e-5),
+        force_limit=ForceLimit(continuous=0.054, peak=0.108),
+    )
+    walls = {"hard": WALL | {"favour": "both"}, "soft": WALL | {"priority": 2, "favour": "both"}}
+    wanted = {"together": [["hard", "soft"]], "loop": {"velocity_filter_hz": "none"}}
+    profile = tuned(device, Scene.model_validate({"elements": walls, **wanted}))
+    hard, soft = (profile.elements[name] for name in walls)
+    assert hard.stiffness > 300 * soft.stiffness
+    assert soft.limited_by["stiffness"] == "delay-margin"
+    assert check_content(to_mapping(profile), "as tuned").profile.elements.keys() == walls.keys()
+
+
 def test_what_no_wall_can_meet_is_kept_apart_and_said_so() -> None:
     """Water that takes most of the damping there can be on a light device."""
     profile = tuned("stylus", scene(water={"damping": 8.0}, wall=WALL))

@@ -108,7 +108,9 @@ _EDGE = 1e-6
 _GROWN = 0.1
 #: ... and by this one where an element leaves room for a wall.
 _ROOM = 1.0
-#: Limits of a whole combination, below which slack for a proof leaves room.
+#: Limits of a whole combination, below which slack for a proof leaves room, and how much of the
+#: gain at most: what hardly moves the loop could be many times larger within it.
+_SPARE = 0.07
 _SHARED = {"gain-margin", "delay-margin", "stability", "saturation"}
 #: Cells in which a proof that is easy is found.
 _FEW_CELLS = 20_000
@@ -394,18 +396,21 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
 
     What is stopped by the same limit in an element goes together: a proof of clamps that fails
     takes all of the element back at once, and each alone may have room then. A margin is of a whole
-    combination: where a proof took some slack, each element alone may have more room than all.
-    Elements leave more room for the proof of a wall than it needs once all have.
+    combination: where a proof took some slack, each element alone may have more room than all, and
+    one that hardly moves the others' loop much more. Elements leave more room for the proof of a
+    wall than it needs once all have.
     """
     words = design.elements[name].limited_by
     word = words[effect]
 
-    def exceeds(more: float, names: Iterable[str], effects: Iterable[EffectName]) -> bool:
+    def exceeds(
+        more: float, names: Iterable[str], effects: Iterable[EffectName], spare: float = 0.0
+    ) -> bool:
         elements = {**design.elements}
         for each in names:
             sizes = {e: getattr(elements[each], e) * (1 + more) for e in effects}
             elements[each] = elements[each].model_copy(update=sizes)
-        return _exceeds(design.model_copy(update={"elements": elements}), name, effect)
+        return _exceeds(design.model_copy(update={"elements": elements}), name, effect, spare)
 
     if exceeds(_GROWN, [name], [effect]):
         return
@@ -414,7 +419,7 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
     if exceeds(_ROOM if gives_room else _GROWN, [name], alike):
         return
     together = word in _SHARED and exceeds(_GROWN, design.elements, EFFECT_NAMES)
-    if together and exceeds(1.0, [name], [effect]):
+    if together and exceeds(1.0, [name], [effect], _SPARE):
         return
     yield (
         f"{name}: {effect} is said to be limited by {word}, which would allow "
@@ -422,7 +427,7 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
     )
 
 
-def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
+def _exceeds(design: Design, name: str, effect: EffectName, spare: float) -> bool:
     """Whether an element is beyond the limit that is said to bind one of its effects."""
     element = design.elements[name]
     word = element.limited_by[effect]
@@ -437,15 +442,18 @@ def _exceeds(design: Design, name: str, effect: EffectName) -> bool:
         least, most = lead_of(design, name)
         return least < 0 or most > (element.lead or 0.0)
     every = clamped_combinations(design) if word == "saturation" else design.combinations()
-    if any(_breaks(design, combination, word) for combination in every if name in combination):
+    if any(_breaks(design, each, word, spare) for each in every if name in each):
         return True
     device = design.device.simultaneous_box()
     lowest = {"mass": device.mass[0], "damping": device.damping[0]}.get(effect, 0.0)
     return word == "gain-margin" and -getattr(element, effect) * design.margin.gain > lowest > 0
 
 
-def _breaks(design: Design, combination: tuple[str, ...], word: str) -> bool:
-    """Whether a combination breaks a limit on force or ripple, a margin or the proof of it."""
+def _breaks(design: Design, combination: tuple[str, ...], word: str, spare: float) -> bool:
+    """Whether a combination breaks a limit on force or ripple, a margin or the proof of it.
+
+    A margin is broken where a part of the gain that is to spare is not kept.
+    """
     setting = setting_of(design, combination)
     if word == "force":
         return bool(force_failures(design, combination))
@@ -464,7 +472,7 @@ def _breaks(design: Design, combination: tuple[str, ...], word: str) -> bool:
     if word == "ripple":
         ripple = None if meets_wall(design, combination) else ripple_of(design, setting)
         return ripple is not None and ripple >= design.ripple_limit * (1 - _RIPPLE_AGREES)
-    gain = 1.0 if word == "stability" else design.margin.gain
+    gain = (1.0 if word == "stability" else design.margin.gain) * (1 + spare)
     extra = float(design.margin.extra_delay_samples) if word == "delay-margin" else 0.0
     return any(
         found.verdict.answer != "stable"

@@ -219,9 +219,28 @@ def test_a_wall_and_what_it_meets_leave_room_for_each_other(
     assert max(met.stiffness, met.damping) >= least
     assert wall.stiffness > softest
     alone = tuned("stylus", scene(wall=WALL)).elements["wall"].stiffness
-    found = (re.search(r"above all other, about (\S+) N/m by itself", note) for note in profile.notes)
+    found = (
+        re.search(r"above all other, about (\S+) N/m by itself", note) for note in profile.notes
+    )
     told = [float(each[1]) for each in found if each]
     assert told == ([pytest.approx(alone, rel=0.01)] if alone > 2 * wall.stiffness else [])
+
+
+def test_a_wall_that_comes_second_is_left_some_room_by_what_it_is_asked_together_with() -> None:
+    """Or goes with what to ask for instead, and what left it room gets all of it back."""
+    wanted = {"together": [["wall", "other"]], "loop": {"velocity_filter_hz": 60.0}}
+    met: dict[str, SafeProfile] = {}
+    for effect in ("stiffness", "damping"):
+        elements = {"wall": WALL | {"priority": 2}, "other": {effect: "max"}}
+        met[effect] = tuned("stylus", Scene.model_validate({"elements": elements, **wanted}))
+    assert met["stiffness"].elements["wall"].stiffness > 500
+    assert met["stiffness"].elements["other"].perceived_steps["stiffness"] > 1
+    alone = tuned(
+        "stylus",
+        Scene.model_validate({"elements": {"other": {"damping": "max"}}, "loop": wanted["loop"]}),
+    )
+    assert met["damping"].elements["other"].damping == alone.elements["other"].damping
+    assert "the same priority, to leave it room" in met["damping"].notes[0]
 
 
 def test_what_a_wall_meets_leaves_room_where_it_could_be_proved_as_next_to_nothing() -> None:

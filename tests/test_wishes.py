@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Device, load_device, parse_document, quantity, to_mapping
+from identification import Device, ForceLimit, load_device, parse_document, quantity, to_mapping
 from tests.commands import haptune
 from tests.unlimited import UNLIMITED
 from tune import NoFeasibleEffectError, SafeProfile, Scene, load_scene, optimise
@@ -307,6 +307,26 @@ def test_what_no_fade_keeps_from_being_pumped_is_left_out_and_the_rest_tuned() -
     apart = optimise(device, Scene.model_validate({**scene, "together": []}))
     assert apart.elements["wall"].stiffness > 4000
     assert apart.elements["cup"].mass > 0.01
+
+
+def test_filters_are_chosen_for_what_is_left_once_something_could_be_pumped() -> None:
+    """The spring of a block whose mass cannot fade is as stiff as if no mass had been asked for."""
+    device = Device(
+        motion="linear",
+        mass=quantity(0.392, 0.3516, 0.4323),
+        damping=quantity(0.00832, 0.00756, 0.00909),
+        sample_time=quantity(0.004),
+        delay=quantity(0.006, 0.0048, 0.0072),
+        encoder_resolution=quantity(6.15e-7),
+        force_limit=ForceLimit(continuous=20.9, peak=41.8),
+    )
+    block: dict[str, object] = {"stiffness": "max", "damping": "max", "speed": 0.157}
+    beside, alone = (
+        optimise(device, Scene.model_validate({"elements": {"block": block | mass}}))
+        for mass in ({"mass": "max"}, {})
+    )
+    assert beside.notes[0].startswith("block.mass dropped: however slowly it fades")
+    assert beside.elements["block"].stiffness == alone.elements["block"].stiffness
 
 
 def _well_known() -> Device:

@@ -149,7 +149,7 @@ def _certified(filters: Filters, solved: _Solved, scene: Scene, say: Progress) -
     not help.
     """
     for attempt in range(_MOST_ATTEMPTS + 1):
-        task, design, witnesses = _proposed(filters, solved, say)
+        filters, task, design, witnesses = _proposed(filters, solved, say)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or task.slack >= SLACK[-2]
@@ -236,10 +236,11 @@ def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
 
 def _proposed(
     filters: Filters, solved: _Solved, say: Progress
-) -> tuple[DesignTask, Design, dict[str, AbsoluteStability]]:
+) -> tuple[Filters, DesignTask, Design, dict[str, AbsoluteStability]]:
     """The largest effects of every group as a design, and what proves its clamps, as stored.
 
-    What no fade keeps from being pumped is left out, and the rest tuned once more.
+    What no fade keeps from being pumped is left out, and the rest tuned once more, with filters of
+    its own.
     """
     task, solutions = solved
     dropped = with_what_is_felt(task, filters, solutions)
@@ -251,8 +252,8 @@ def _proposed(
     except NoFadeError as error:
         say(f"{error.element} could be pumped however slowly it fades")
         less = _without_fade(solved, design, error.element)
-        return _proposed(filters, _solved(less, filters, say), say)
-    return task, as_stored(design), witnesses_of(task, solutions)
+        return _proposed(*_best_proved(less, choose_filters(less, say), say), say)
+    return filters, task, as_stored(design), witnesses_of(task, solutions)
 
 
 def _without_fade(solved: _Solved, design: Design, element: str) -> DesignTask:

@@ -431,6 +431,22 @@ def why_pumped(scene: Scene, design: Design, unknown: Unknown, size: float) -> s
     return f"{_PUMPED}. {words[0].upper()}{words[1:]}"
 
 
+def why_unproved(task: DesignTask, label: str, gain: float) -> str:
+    """Why a spring with a clamp is left out that is proved up to a gain only, and what may help."""
+    scene, name, motion = task.scene, label.rpartition(".")[0], task.device.motion
+    mine, lead = scene.elements[name], scene.lead(name, motion)
+    mates = [scene.elements[each] for group in scene.together if name in group for each in group]
+    ways: list[str] = []
+    if any(each.priority < mine.priority for each in mates):
+        ways.append("give what is asked for together with it the same priority, to leave it room")
+    if lead is not None and (mine.damping is None or mine.damping.kind != "value"):
+        more = f"{format_number(lead)} {UNITS[motion]['length']}"
+        ways.append(f"allow it more lead than {more}, with which more damping holds it")
+    words = ", or ".join(ways)
+    proved = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
+    return f"{proved}. {words[0].upper()}{words[1:]}" if words else proved
+
+
 def _at_most(most: str, sign: float) -> str:
     """For a size at most, which of a negative one is what is closer to zero."""
     return f"for at most {most}" if sign > 0 else f"for {most} or closer to zero"

@@ -226,15 +226,18 @@ class DesignTask:
         return replace(self, scene=scene, apart=needed)
 
     def with_room_for(self, wall: str, other: str) -> DesignTask | None:
-        """The task in which an element of the wall's priority leaves more room for the wall.
+        """The task in which an element leaves more room for a wall that it is met with.
 
-        None where it has left all it may, or is wanted as it is.
+        None where it has left all it may, or is wanted as it is: of another priority it leaves some
+        to a wall that the scene asks for together with it, and none to others.
         """
         mine, its = (self.scene.elements[name] for name in (wall, other))
         fixed = all(wish.kind == "value" for wish in its.wishes().values())
-        parts = (_FOR_WALLS, *_TOGETHER * any({wall, other} <= {*g} for g in self.scene.together))
+        together = any({wall, other} <= {*group} for group in self.scene.together)
+        equal = mine.priority == its.priority
+        parts = (_FOR_WALLS, *_TOGETHER * (together and equal))
         less = next((part for part in parts if part < self.parts.get(other, 1.0)), None)
-        if less is None or fixed or mine.priority != its.priority:
+        if less is None or fixed or not (equal or together):
             return None
         return replace(self, parts={**self.parts, other: less})
 

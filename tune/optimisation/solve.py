@@ -16,6 +16,7 @@ from tune.documents.profile import AbsoluteStability
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
+from tune.optimisation.describe import why_unproved
 from tune.optimisation.feasibility import (
     bindings,
     imperceptible,
@@ -200,9 +201,7 @@ def _solved(
             if soft is None and short:
                 own = [u for u in problem.unknowns if not u.settled]
                 label = min(own, key=lambda u: u.effect != "stiffness").label
-                proved = f"proved stable to a gain of {gain:.4g} only"
-                why = f"pushing on one side, or cut, it is {proved}"
-                left = dropped | keep_promises(problem, {label: why})
+                left = dropped | keep_promises(problem, {label: why_unproved(task, label, gain)})
                 return _solved(
                     task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
                 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -67,3 +68,22 @@ def test_the_template_is_a_scene_and_shows_every_key(tmp_path: Path) -> None:
         assert line in form("scene")
     shown |= {"penetration", "lead", "favour"}
     assert shown == set(type(scene.elements["wall"]).model_fields)
+
+
+@pytest.mark.parametrize("device", [None, "homerehab", "knob"])
+def test_each_optional_line_of_the_form_may_be_uncommented(
+    device: str | None, tmp_path: Path
+) -> None:
+    from tests.commands import form
+
+    path = tmp_path / "scene.yaml"
+    text = form("scene", *([] if device is None else ["--device", device]))
+    lines = text.splitlines()
+    optional = [k for k, line in enumerate(lines) if re.match(r" *# \w+: ", line)]
+    assert len(optional) == 8 + (device is not None)
+    for k in optional:
+        with_it = [*lines[:k], lines[k].replace("# ", "", 1), *lines[k + 1 :]]
+        path.write_text("\n".join(with_it), encoding="utf-8")
+        load_scene(path)
+    lead = r"# lead: 0.01 +# how far before its face \(rad\)"
+    assert bool(re.search(lead, text)) == (device == "knob")

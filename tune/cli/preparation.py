@@ -135,7 +135,7 @@ def excitation_of(name: str) -> str:
 def scene_of(name: str) -> str:
     """The template of a scene with sizes and motions that suit a known device or a device file."""
     from tune.documents.perception import SCALE_DEPTH, Scale, default_table
-    from tune.documents.scene import DEFAULT_MOTION, UNITS, format_number
+    from tune.documents.scene import DEFAULT_LEAD, DEFAULT_MOTION, UNITS, format_number
 
     device = ident.load_device(name)
     units, motion = UNITS[device.motion], DEFAULT_MOTION[device.motion]
@@ -145,8 +145,9 @@ def scene_of(name: str) -> str:
     water, cup = (float(f"{felt.value_at(float(steps), 1):.2g}") for steps in (2, 5))
     sizes = {
         "(m/s)": f"({units['speed']})",
-        "how deep (m)": f"how deep ({units['length']})",
+        "(m)": f"({units['length']})",
         "penetration: 0.01": f"penetration: {depth:g}",
+        "lead: 0.001": f"lead: {DEFAULT_LEAD[device.motion]:g}",
         "speed: 0.2": f"speed: {motion.speed:.1f}",
         "acceleration: 2.0": f"acceleration: {motion.acceleration:.1f}",
         "ripple_limit: 0.1         # N rms": f"{'# ' + noticed:<25} # {units['force']} rms",

@@ -456,7 +456,7 @@ DEFAULT_MOTION = {
 
 #: m and rad: what is met so far before a face is less than a hand can tell of position (2° at wrist
 #: and elbow: Tan, Srinivasan, Eberman and Cheng 1994).
-_DEFAULT_LEAD = {"linear": 1e-3, "rotary": 1e-2}
+DEFAULT_LEAD = {"linear": 1e-3, "rotary": 1e-2}
 
 
 def _to_cutoff(raw: object) -> object:
@@ -588,7 +588,7 @@ class Scene(Document):
     def lead(self, element: str, kind: Literal["linear", "rotary"]) -> float | None:
         """How far before its face the damper of a wall may push, m (rad); None of others."""
         given = self.elements[element]
-        return (given.lead or _DEFAULT_LEAD[kind]) if given.one_sided else None
+        return (given.lead or DEFAULT_LEAD[kind]) if given.one_sided else None
 
     def motion(
         self, element: str, kind: Literal["linear", "rotary"], *, cut: bool = False

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identification import (
     ForceLimit,
     Hardware,
+    InvalidInputError,
     LogRefusedError,
     SlopeRange,
     Trajectory,
@@ -112,6 +113,29 @@ def test_stamps_that_say_when_a_row_was_written(jitter: float, refuses: bool) ->
     shaken = log(trajectory.force, trajectory.position, trajectory.time + late)
     found = [each for each in inspect(shaken, Hardware()) if each.code == "jitter"]
     assert [each.severity for each in found] == ["refusal" if refuses else "warning"]
+
+
+@pytest.mark.parametrize("pause", [0.01, 0.6], ids=["at once", "slowly"])
+@pytest.mark.parametrize("lost", [0, 100])
+@pytest.mark.parametrize("true", [1.0, 0.95, 1.05])
+def test_rows_that_come_late_and_catch_up_are_no_other_clock(
+    pause: float, lost: int, true: float
+) -> None:
+    """Three rows in a thousand are late by 5 samples, what was missed follows; others are lost."""
+    trajectory = plain()
+    due = np.arange(len(trajectory), dtype=np.float64)
+    when = due.copy()
+    for k in range(300, len(trajectory) - 50, 300):
+        when[k : k + 20] = np.maximum(due[k : k + 20], k + 5 + pause * np.arange(20))
+    keep = np.ones(len(trajectory), dtype=bool)
+    keep[[k for k in range(50, 8000, 70) if 20 <= k % 300 <= 290][:lost]] = False
+    late = log(trajectory.force[keep], trajectory.position[keep], true * STEP * when[keep])
+    if true != 1.0:
+        with pytest.raises(InvalidInputError, match="but the hardware states a sample time"):
+            list(inspect(late, Hardware(sample_time=quantity(STEP))))
+        return
+    found = {each.code for each in inspect(late, Hardware(sample_time=quantity(STEP)))}
+    assert found == ({"jitter", "dropped-samples"} if lost else {"jitter"})
 
 
 @pytest.mark.parametrize(("milliseconds", "severity"), [(5, "warning"), (150, "refusal")])

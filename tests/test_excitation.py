@@ -348,6 +348,24 @@ def test_command_says_what_it_would_do_and_what_is_wrong(here: Path) -> None:
     assert haptune("excite", "excitation.yaml", "--quiet").out == ""
 
 
+@pytest.mark.parametrize("travel", [0.1, 10.0])
+def test_a_device_that_is_named_is_warned_of_what_may_pull_at_it_alone(
+    here: Path, travel: float
+) -> None:
+    text = (here / "excitation.yaml").read_text(encoding="utf-8").replace("1.2\n", "2.0\n")
+    named = text.replace("travel: 0.1", f"travel: {travel}").replace("speed: 1.0", "speed: 9.0")
+    Path("named.yaml").write_text(named + "device: homerehab\n", encoding="utf-8")
+    ended = haptune("excite", "named.yaml")
+    assert ended.code == 0
+    if travel > 1:
+        assert ended.err == ""
+        return
+    said = "may drive the device named against its end stops: an unplanned constant force of 1%"
+    assert said in ended.err
+    assert "times wrong" not in ended.err
+    assert "Let nothing pull at it" in ended.err
+
+
 @pytest.mark.usefixtures("here")
 def test_template_is_read() -> None:
     assert haptune("new", "excitation", "-o", "blank.yaml", "--quiet").code == 0

@@ -212,8 +212,8 @@ def excite_command(
     session.details |= details | _limits_details(plan) | {"rows": rows}
     for each in (*shown, _worst_table(plan)):
         session.say(each)
-    if plan.beyond and wanted.device is None:
-        session.warn(_beyond_limits(plan))
+    if warning := _beyond_limits(plan, known=wanted.device is not None):
+        session.warn(warning)
     if wanted.gentle:
         session.say(
             f"gentle first play, at most {plan.spec.force:.3g} {_units(plan)['force']} for "
@@ -301,7 +301,8 @@ def _worst_table(plan: Excitation | AxesExcitation) -> Table:
     return table
 
 
-def _beyond_limits(plan: Excitation | AxesExcitation) -> str:
+def _beyond_limits(plan: Excitation | AxesExcitation, *, known: bool) -> str:
+    """What leaves the limits, or ""; a known device only pulled by a force nobody planned."""
     spec, units = plan.spec, _units(plan)
     allowed = f"travel {spec.travel:g} {units['length']}"
     if spec.speed is not None:
@@ -309,13 +310,19 @@ def _beyond_limits(plan: Excitation | AxesExcitation) -> str:
     seen = "; ".join(
         f"{each.words}: {each.travel:.2g} {units['length']}, {each.speed:.2g} {units['speed']}"
         for each in plan.beyond
+        if each.name.startswith("unplanned") or not known
     )
-    return (
-        f"this force may drive a device that is not as guessed against its end stops: {seen}; "
-        f"allowed: {allowed}. Plan a gentle first play with gentle: true and name the device "
-        "identified from its log with device: FILE; or widen the guesses to what they may be, "
-        "shorten the duration (a constant force makes a device without a spring drift all along), "
-        "lower the force or allow more travel"
+    whose = "the device named" if known else "a device that is not as guessed"
+    remedy = (
+        "Let nothing pull at it that its file does not tell, such as a slope or a cable; or "
+        if known
+        else "Plan a gentle first play with gentle: true and name the device identified from its "
+        "log with device: FILE; or widen the guesses to what they may be, lower the force, "
+    )
+    return seen and (
+        f"this force may drive {whose} against its end stops: {seen}; allowed: {allowed}. {remedy}"
+        "shorten the duration (a constant force makes a device without a spring drift all along) "
+        "or allow more travel"
     )
 
 

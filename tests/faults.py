@@ -1029,6 +1029,13 @@ FAULTS: tuple[Fault, ...] = (
         ("a play that is not cut", "most = min(levels, default=np.inf)", "most = np.inf"),
     ),
     Fault(
+        name="friction stops what is pushed",
+        file="tune/verification/motion.py",
+        old="held = device.coulomb_friction.high / (moved * decay)",
+        new="held = 0.0",
+        tests="tests/test_letting_go.py",
+    ),
+    Fault(
         name="gains like a wall keep its lead",
         file="tune/judging.py",
         old="met.lead > lead * (1 + _ROUNDED)",

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import re
 from math import exp, pi
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from datasets_synthetic import log_text
 from identification import Trajectory, load_device, quantity
-from tune import Scene, Verification, optimise, verify
+from tests.commands import haptune
+from tune import SafeProfile, Scene, Verification, optimise, verify
+from tune.verification import advise
 
 T, STEPS, CUTOFF, RISE, SPEED = 1e-3, 10, 50.0, 0.1, 0.2
 GAIN, DAMPING = 0.2, 10.0
@@ -22,7 +28,15 @@ PROFILE = optimise(
 
 
 def pushed(
-    hold: float, *, mass: float = 3.0, last: float = 2.0, stop: bool = False, seed: int = 0
+    hold: float,
+    *,
+    mass: float = 3.0,
+    friction: float = 0.8,
+    gain: float = GAIN,
+    speed: float = SPEED,
+    last: float = 2.0,
+    stop: bool = False,
+    seed: int = 0,
 ) -> Trajectory:
     """The water of the profile; a hand brings it to a speed, holds that, and lets go or stops it.
 
@@ -35,16 +49,16 @@ def pushed(
     for k, fuzz in enumerate(noise.tolist()):
         read = 6e-6 * round((y + fuzz) / 6e-6)
         filtered = pole * filtered + (1 - pole) * ((read - before) / T if k else 0.0)
-        before, wanted = read, SPEED * min(1.0, k * T / RISE)
+        before, wanted = read, speed * min(1.0, k * T / RISE)
         held, now = k * T < RISE + hold, acting
-        acting = -GAIN * DAMPING * filtered
+        acting = -gain * DAMPING * filtered
         rows.append((k * T, acting, read))
         if stop and not held:
             held, wanted = True, 0.0
         for _ in range(STEPS):
-            hand = 300.0 * (wanted - v) if held else 0.0
+            hand = 300.0 * (wanted - v) + friction * (wanted > 0) if held else 0.0
             free = v + h * (now + hand - 10.0 * v) / mass
-            v = np.sign(free) * max(abs(free) - h * 0.8 / mass, 0.0)
+            v = np.sign(free) * max(abs(free) - h * friction / mass, 0.0)
             y += h * v
     time, force, position = np.array(rows).T
     return Trajectory(time=time, force=force, position=position)
@@ -74,3 +88,45 @@ def test_where_a_hand_may_still_push_it_is_said_and_not_judged(stop: bool) -> No
     seen = verify(PROFILE, log)
     assert "a hand may still push. Take the hand off, and state with --release" in decay(seen)
     assert "decay agrees" not in decay(verify(PROFILE, log, release=0.2))
+
+
+def _rubbing(friction: float, speed: float) -> SafeProfile:
+    known = KNOWN | {"coulomb_friction": quantity(friction)}
+    water = {"damping": DAMPING, "speed": speed}
+    scene = {"elements": {"water": water}, "loop": {"velocity_filter_hz": CUTOFF}}
+    device = load_device("homerehab").model_copy(update=known)
+    return optimise(device, Scene.model_validate(scene))
+
+
+@pytest.mark.parametrize("friction", [15.0, 60.0])
+def test_a_push_that_friction_stops_too_soon_is_not_prescribed(here: Path, friction: float) -> None:
+    Path("profile.yaml").write_text(_rubbing(friction, 0.1).to_yaml(), encoding="utf-8")
+    (told,) = json.loads(haptune("verify", "profile.yaml", "--json").out)["details"]["play"]
+    assert told["play"] is None
+    assert "friction stops it before the 50 rows" in told["why"]
+    enough = float(re.findall(r"pushed to ([\d.]+) m/s", told["why"])[0])
+    # Refused as told; not by what it is told to play instead.
+    slow = pushed(0.0, friction=friction, speed=0.1)
+    Path("slow.csv").write_text(log_text(slow), encoding="utf-8")
+    refused = haptune("verify", "profile.yaml", "slow.csv", "--gain", f"{GAIN}")
+    assert refused.code == 4
+    assert "Instead: play" not in refused.err
+    profile = _rubbing(friction, enough)
+    (advice,) = advise(profile)
+    assert advice.play is not None
+    assert advice.play.speed == pytest.approx(enough)
+    log = pushed(0.1, friction=friction, speed=enough, gain=advice.play.gain)
+    seen = verify(profile, log)
+    assert "decay agrees" in decay(seen)
+
+
+def test_what_was_just_played_is_not_told_as_something_else(here: Path) -> None:
+    Path("profile.yaml").write_text(PROFILE.to_yaml(), encoding="utf-8")
+    (advice,) = advise(PROFILE)
+    assert advice.play is not None
+    log = pushed(0.8, last=0.3, stop=True, gain=advice.play.gain)
+    Path("stopped.csv").write_text(log_text(log), encoding="utf-8")
+    refused = haptune("verify", "profile.yaml", "stopped.csv")
+    assert refused.code == 4
+    assert "Again, as said of the other checks: play water" in refused.err
+    assert "Instead" not in refused.err

@@ -557,8 +557,12 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
     direction, advice, more = max(found, key=lambda each: (each[2], each[1].play is not None))
     session.details["play"] = _advice_details((advice,), direction)
     if more or allowed is None or allowed.delays is None:
+        told, play = advice.words(seen.profile.device.motion), advice.play
+        if play is None:
+            return f"{told}."
+        again = not more and play.gain * _MORE >= seen.gain
         where = along(safe, direction)
-        return f"Instead{where}: {advice.words(seen.profile.device.motion)}."
+        return f"{'Again, as said of the other checks' if again else 'Instead'}{where}: {told}."
     low, high = allowed.delays
     return (
         f"No gain tells more; state the delay of the device as {low:.3g} to {high:.3g} samples "

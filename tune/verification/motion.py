@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identification import Device, quantity
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import DEFAULT_MOTION, Effects
+from tune.documents.scene import DEFAULT_MOTION, UNITS, Effects
 from tune.loop.loop import Loop, filters_of
 from tune.loop.polynomials import ComplexArray, FloatArray, companion_roots
 from tune.verification.free_motion import (
@@ -44,8 +44,11 @@ _MISFIT = 0.05
 _SLOW = 0.03
 #: Speed that is still above this part of what it was has not been seen to fall.
 _FALLEN = 0.5
-#: Rows that free motion without a spring must last.
-_FEWEST_ROWS = 50
+#: Rows that free motion without a spring must last, windows over which its speed, s, is smoothed,
+#: and how many times as long with a virtual mass; measured on simulated devices with friction.
+_FEWEST_ROWS, _WINDOWS, _SMOOTHED, _WITH_MASS = 50, 2.5, 0.02, 1.4
+#: What is told of a speed that would do, over the least one: no hand meets a speed.
+_AMPLE = 1.2
 
 #: What the fit of one mode is off by, measured on simulated devices of known poles: frequency by
 #: 1 % and, because friction jumps and one mode does not follow as the loop does, by this part of
@@ -266,7 +269,7 @@ def _unsprung(
     """Decay of speed after a push, from where it falls as it does at the end."""
     from scipy.ndimage import uniform_filter1d
 
-    width = max(5, round(0.02 / sample_time))
+    width = _window(sample_time)
     speed = np.abs(np.gradient(uniform_filter1d(position, width)))
     top = int(np.argmax(speed[release.first : release.end])) + release.first
     slow = np.flatnonzero(speed[top:] < _SLOW * speed[top])
@@ -489,6 +492,8 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
     stiffness = binding_stiffness(profile.device, effects)
     if not stiffness:
         speed = max(motion.speed for motion in motions)
+        if hindrance := _too_slow(profile.device, effects, prediction, speed):
+            return None, f"at gain {gain:g} {hindrance}"
     else:
         usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
         deep = max(motion.penetration or usual for motion in motions)
@@ -513,6 +518,38 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
         speed=speed,
         duration=float(np.ceil(2 * (settled + _REST))) / 2,
     ), ""
+
+
+def _too_slow(device: Device, effects: Effects, prediction: Prediction, speed: float) -> str:
+    """Why a push to a speed is no free motion for long enough; "" where it is.
+
+    v' = -σ·(v + c), with Coulomb friction as c, comes from v₀ to a part p of it within
+    ln((v₀ + c)/(p·v₀ + c))/σ.
+    """
+    step, decay = device.sample_time.value, prediction.decay[1]
+    moved = device.mass.value + (0.0 if effects.mass is None else float(np.asarray(effects.mass)))
+    held = device.coulomb_friction.high / (moved * decay)
+    rows = round(_fewest_rows(step) * (1.0 if effects.mass is None else _WITH_MASS))
+    slowed = float(np.exp(-decay * rows * step))
+    if slowed <= _SLOW:
+        return f"it comes to rest before the {rows} rows that are needed"
+    needed = held * (1 - slowed) / (slowed - _SLOW)
+    if needed <= speed:
+        return ""
+    return (
+        f"friction stops it before the {rows} rows that are needed, unless it is pushed to "
+        f"{_AMPLE * needed:.3g} {UNITS[device.motion]['speed']}: state that as its speed in "
+        f"the scene, not {speed:g}, if a hand reaches it, and tune again"
+    )
+
+
+def _window(sample_time: float) -> int:
+    """Rows over which speed is smoothed."""
+    return max(5, round(_SMOOTHED / sample_time))
+
+
+def _fewest_rows(sample_time: float) -> int:
+    return max(_FEWEST_ROWS, round(_WINDOWS * _window(sample_time)))
 
 
 def _displacement(

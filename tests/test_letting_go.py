@@ -130,3 +130,17 @@ def test_what_was_just_played_is_not_told_as_something_else(here: Path) -> None:
     assert refused.code == 4
     assert "Again, as said of the other checks: play water" in refused.err
     assert "Instead" not in refused.err
+
+
+def test_motion_that_friction_or_the_log_ends_is_not_laid_to_a_hand(here: Path) -> None:
+    rubbing = _rubbing(15.0, SPEED)
+    stopped = verify(rubbing, pushed(0.1, friction=15.0))
+    assert "friction stops it before the 50 rows" in decay(stopped)
+    assert "Push it to 0.349 m/s" in decay(stopped)
+    ended = decay(verify(PROFILE, pushed(0.8, last=0.05), release=0.9))
+    assert "the log ends before the speed has fallen. Log until" in ended
+    Path("profile.yaml").write_text(rubbing.to_yaml(), encoding="utf-8")
+    Path("log.csv").write_text(log_text(pushed(0.1, friction=15.0)), encoding="utf-8")
+    refused = haptune("verify", "profile.yaml", "log.csv").err
+    (frequency,) = (line for line in refused.splitlines() if "nothing oscillates" in line)
+    assert frequency.endswith("What to play is said of the delay.")

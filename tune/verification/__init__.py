@@ -96,6 +96,9 @@ _NEEDED = {
     "delay": "the margin of the profile at every delay the log allows",
 }
 
+#: The remedy of what has none of its own.
+_ELSEWHERE = "What to play is said of the delay."
+
 #: Part of Nyquist up to which the differences leave nothing of the motion, and their order.
 _SLOW_MOTION, _ORDER = 1 / 60, 4
 #: Counts a sample: slower, the rounding error is no white noise (docs/theory.md, 6).
@@ -189,7 +192,7 @@ class Verification:
                     severity="refusal",
                     seen=each.summary,
                     needed=needed[each.check],
-                    remedy=remedy if each.check == "delay" else each.remedy,
+                    remedy=remedy if each.check == "delay" else each.remedy or _ELSEWHERE,
                     source=self.source,
                 )
                 for each in self.outcomes

@@ -75,7 +75,10 @@ _ONE_TURN = "the handle comes to rest within a swing, which does not tell decay 
 #: What helps where the log cannot tell.
 _STRAIGHTER = "Hold the other axes, or let go in a principal direction of the mass."
 _HANDS_OFF = "Take the hand off, and state with --release when; or cut the log to the free motion."
-_LOUDER = "Release the handle from further away, hand off, or play an element with a spring."
+_LOUDER = (
+    "Release the handle from further away, without a spring push it faster, hand off, or play an "
+    "element with a spring."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +146,27 @@ class MeasuredMotion:
             frequency=(measured.frequency - hertz, measured.frequency + hertz) if swings else None,
             decay=(measured.decay - slack, measured.decay + slack) if "decay" in assessed else None,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Push:
+    """The slowest push that tells a decay."""
+
+    rows: int  # that motion lasts after it
+    speed: float  # m/s; inf where none tells
+    ample: str  # a speed that would do, in words; "" where none does
+
+    @property
+    def too_slow(self) -> str:
+        """What a slower one does."""
+        stopped = "friction stops it" if self.ample else "it comes to rest"
+        return f"{stopped} before the {self.rows} rows that are needed"
+
+    @property
+    def remedy(self) -> str:
+        """What to do after a slower one."""
+        faster = f"Push it to {self.ample}, or play" if self.ample else "Play"
+        return f"{faster} what is said of the delay."
 
 
 def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
@@ -233,8 +257,9 @@ def judge_motion(
     if release is None or hindrance:
         return _unassessed(prediction, hindrance, remedy)
     if not binding_stiffness(device, effects):
+        push = _least_push(device, effects, prediction)
         return _unsprung(
-            position, sample_time, bent, release, prediction, stated=stated is not None
+            position, sample_time, bent, release, prediction, push, stated=stated is not None
         )
     start = prediction.nominal.natural, prediction.nominal.decay
     measured = _blurred(measure_sprung(position, sample_time, release, start), bent, prediction)
@@ -263,6 +288,7 @@ def _unsprung(
     bent: float,
     release: Release,
     prediction: Prediction,
+    push: Push,
     *,
     stated: bool,
 ) -> MeasuredMotion:
@@ -277,15 +303,24 @@ def _unsprung(
     rows, unheld = end - top, "nothing holds the position, so nothing oscillates"
     no_frequency = unassessed_outcome("frequency", unheld)
     if rows < _FEWEST_ROWS:
-        why = f"the handle moves freely for {rows} rows only"
-        decay = unassessed_outcome("decay", why, _LOUDER, rows=rows)
+        why = f"the handle moves freely for {rows} rows only, {push.rows} are needed"
+        decay = unassessed_outcome("decay", why, push.remedy, rows=rows)
         return MeasuredMotion(prediction=prediction, outcomes=(no_frequency, decay))
     decay = prediction.nominal.decay
     free = find_letting_go(position, sample_time, top, end, decay)
     begin = top if free is None and stated else free
     # Of speed that does not fall any decay explains as much as any other.
     if begin is None or speed[max(begin, end - width)] > _FALLEN * speed[begin]:
-        return _unassessed(prediction, "a hand may still push", _HANDS_OFF)
+        why, remedy = "a hand may still push", _HANDS_OFF
+        if stated and not slow.size:
+            why, remedy = "the log ends before the speed has fallen", "Log until the handle rests."
+        elif speed[top] < push.speed * sample_time:
+            why, remedy = f"pushed so slowly, {push.too_slow}", push.remedy
+        elif stated:
+            why = f"the handle is at rest {rows} rows after its largest speed, too soon to tell"
+            remedy = push.remedy
+        decay = unassessed_outcome("decay", why, remedy, rows=rows)
+        return MeasuredMotion(prediction=prediction, outcomes=(no_frequency, decay))
     measured = measure_unsprung(position, sample_time, begin, end, decay)
     measured = _blurred(measured, bent, prediction)
     if measured.misfit > _MISFIT:
@@ -492,8 +527,13 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
     stiffness = binding_stiffness(profile.device, effects)
     if not stiffness:
         speed = max(motion.speed for motion in motions)
-        if hindrance := _too_slow(profile.device, effects, prediction, speed):
-            return None, f"at gain {gain:g} {hindrance}"
+        push = _least_push(profile.device, effects, prediction)
+        if speed < push.speed:
+            remedy = (
+                f", unless it is pushed to {push.ample}: state that as its speed in the scene, not "
+                f"{speed:g}, if a hand reaches it, and tune again"
+            )
+            return None, f"at gain {gain:g} {push.too_slow}{remedy if push.ample else ''}"
     else:
         usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
         deep = max(motion.penetration or usual for motion in motions)
@@ -520,8 +560,8 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
     ), ""
 
 
-def _too_slow(device: Device, effects: Effects, prediction: Prediction, speed: float) -> str:
-    """Why a push to a speed is no free motion for long enough; "" where it is.
+def _least_push(device: Device, effects: Effects, prediction: Prediction) -> Push:
+    """The slowest push after which motion is free for long enough.
 
     v' = -σ·(v + c), with Coulomb friction as c, comes from v₀ to a part p of it within
     ln((v₀ + c)/(p·v₀ + c))/σ.
@@ -529,27 +569,19 @@ def _too_slow(device: Device, effects: Effects, prediction: Prediction, speed: f
     step, decay = device.sample_time.value, prediction.decay[1]
     moved = device.mass.value + (0.0 if effects.mass is None else float(np.asarray(effects.mass)))
     held = device.coulomb_friction.high / (moved * decay)
-    rows = round(_fewest_rows(step) * (1.0 if effects.mass is None else _WITH_MASS))
+    rows = max(_FEWEST_ROWS, round(_WINDOWS * _window(step)))
+    rows = round(rows * (1.0 if effects.mass is None else _WITH_MASS))
     slowed = float(np.exp(-decay * rows * step))
     if slowed <= _SLOW:
-        return f"it comes to rest before the {rows} rows that are needed"
-    needed = held * (1 - slowed) / (slowed - _SLOW)
-    if needed <= speed:
-        return ""
-    return (
-        f"friction stops it before the {rows} rows that are needed, unless it is pushed to "
-        f"{_AMPLE * needed:.3g} {UNITS[device.motion]['speed']}: state that as its speed in "
-        f"the scene, not {speed:g}, if a hand reaches it, and tune again"
-    )
+        return Push(rows=rows, speed=float("inf"), ample="")
+    speed = held * (1 - slowed) / (slowed - _SLOW)
+    ample = f"{_AMPLE * speed:.3g} {UNITS[device.motion]['speed']}"
+    return Push(rows=rows, speed=speed, ample=ample)
 
 
 def _window(sample_time: float) -> int:
     """Rows over which speed is smoothed."""
     return max(5, round(_SMOOTHED / sample_time))
-
-
-def _fewest_rows(sample_time: float) -> int:
-    return max(_FEWEST_ROWS, round(_WINDOWS * _window(sample_time)))
 
 
 def _displacement(

@@ -144,3 +144,16 @@ def test_motion_that_friction_or_the_log_ends_is_not_laid_to_a_hand(here: Path) 
     refused = haptune("verify", "profile.yaml", "log.csv").err
     (frequency,) = (line for line in refused.splitlines() if "nothing oscillates" in line)
     assert frequency.endswith("What to play is said of the delay.")
+
+
+def test_what_was_dropped_is_not_to_be_verified(here: Path) -> None:
+    fluids = {"water": {"damping": DAMPING}, "air": {"damping": 0.01}}
+    scene = {"elements": fluids, "together": [["water", "air"]]}
+    profile = optimise(load_device("homerehab"), Scene.model_validate(scene))
+    assert profile.elements["air"].damping == 0
+    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    plan = json.loads(haptune("verify", "profile.yaml", "--json").out)["details"]["play"]
+    assert [each["to_verify"] for each in plan] == [["water"]]
+    asked = haptune("verify", "profile.yaml", "--element", "water+air")
+    assert asked.code == 2
+    assert "has an element that gives no force. Choose from water" in asked.err

@@ -33,7 +33,9 @@ _AND = "+"
 
 
 def combinations_of(profile: Design, element: str | None) -> tuple[Combination, ...]:
-    """Every combination the log may be of: all of them, or the one named "wall" or "wall+water".
+    """Every combination the log may be of, or the one named "wall" or "wall+water".
+
+    One with an element that gives no force plays what the others of it play.
 
     Raises:
         UsageError: no such element, or elements that are not felt together.
@@ -42,7 +44,8 @@ def combinations_of(profile: Design, element: str | None) -> tuple[Combination, 
     summary = tuple(
         combination
         for combination in every
-        if any(size is not None for size in effects_of(profile, combination).arrays())
+        if all(profile.elements[name].acting for name in combination)
+        and any(size is not None for size in effects_of(profile, combination).arrays())
     )
     if element is None:
         return summary
@@ -50,7 +53,7 @@ def combinations_of(profile: Design, element: str | None) -> tuple[Combination, 
     found = tuple(combination for combination in every if frozenset(combination) == wanted)
     if not found or found[0] not in summary:
         known = ", ".join(combination_in_words(combination) for combination in summary)
-        problem = "plays nothing" if found else "is not in the profile"
+        problem = "has an element that gives no force" if found else "is not in the profile"
         raise UsageError("--element", f"'{element[:80]}' {problem}", f"Choose from {known}")
     return found
 

@@ -157,3 +157,13 @@ def test_what_was_dropped_is_not_to_be_verified(here: Path) -> None:
     asked = haptune("verify", "profile.yaml", "--element", "water+air")
     assert asked.code == 2
     assert "has an element that gives no force. Choose from water" in asked.err
+
+
+def test_what_fades_is_pushed_when_it_has_faded_in() -> None:
+    feather = {"feather": {"damping": -3.0}}
+    for effects, fades in ((feather, True), ({"water": {"damping": DAMPING}}, False)):
+        profile = optimise(load_device("homerehab"), Scene.model_validate({"elements": effects}))
+        (advice,) = advise(profile)
+        assert advice.play is not None
+        said = "held still for 0.1 s until it has faded in, then pushed to 0.2 m/s"
+        assert (said in advice.words("linear")) is fades

@@ -493,6 +493,7 @@ class Play:
         displacement: from which to let go, m (rad); None where a push is needed.
         speed: of the push, m/s (rad/s); None where a displacement is needed.
         duration: to log, s.
+        fade: until what fades has faded in, s; 0 where nothing does.
     """
 
     elements: Combination
@@ -500,11 +501,13 @@ class Play:
     displacement: float | None
     speed: float | None
     duration: float
+    fade: float
 
     def words(self, motion: str) -> str:
         """An instruction, for a "linear" or "rotary" axis."""
         length = "mm" if motion == "linear" else "mrad"
-        begin = (
+        begin = f"held still for {self.fade:g} s until it has faded in, then " if self.fade else ""
+        begin += (
             f"let go {1e3 * self.displacement:.3g} {length} from rest"
             if self.displacement is not None
             else f"pushed to {self.speed:.3g} {'m' if motion == 'linear' else 'rad'}/s"
@@ -557,6 +560,7 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
         displacement=displacement,
         speed=speed,
         duration=float(np.ceil(2 * (settled + _REST))) / 2,
+        fade=max(profile.elements[name].fade_time for name in combination),
     ), ""
 
 

@@ -37,22 +37,24 @@ def pushed(
     last: float = 2.0,
     stop: bool = False,
     seed: int = 0,
+    step: float = T,
+    noise: float = 3e-6,
 ) -> Trajectory:
     """The water of the profile; a hand brings it to a speed, holds that, and lets go or stops it.
 
     Semi-implicit Euler of a mass with damping and dry friction; one sample of delay.
     """
-    noise = np.random.default_rng(seed).normal(0.0, 3e-6, round((RISE + hold + last) / T))
-    pole, h = exp(-2 * pi * CUTOFF * T), T / STEPS
+    readings = np.random.default_rng(seed).normal(0.0, noise, round((RISE + hold + last) / step))
+    pole, h = exp(-2 * pi * CUTOFF * step), step / STEPS
     y = v = filtered = before = acting = 0.0
     rows: list[tuple[float, float, float]] = []
-    for k, fuzz in enumerate(noise.tolist()):
+    for k, fuzz in enumerate(readings.tolist()):
         read = 6e-6 * round((y + fuzz) / 6e-6)
-        filtered = pole * filtered + (1 - pole) * ((read - before) / T if k else 0.0)
-        before, wanted = read, speed * min(1.0, k * T / RISE)
-        held, now = k * T < RISE + hold, acting
+        filtered = pole * filtered + (1 - pole) * ((read - before) / step if k else 0.0)
+        before, wanted = read, speed * min(1.0, k * step / RISE)
+        held, now = k * step < RISE + hold, acting
         acting = -gain * DAMPING * filtered
-        rows.append((k * T, acting, read))
+        rows.append((k * step, acting, read))
         if stop and not held:
             held, wanted = True, 0.0
         for _ in range(STEPS):
@@ -167,3 +169,14 @@ def test_what_fades_is_pushed_when_it_has_faded_in() -> None:
         assert advice.play is not None
         said = "held still for 0.1 s until it has faded in, then pushed to 0.2 m/s"
         assert (said in advice.words("linear")) is fades
+
+
+def test_a_handle_that_stops_at_once_at_a_fast_rate_is_a_sentence() -> None:
+    step = T / 8
+    fast = {"sample_time": quantity(step), "delay": quantity(step)}
+    scene = {"elements": {"water": {"damping": DAMPING}}, "loop": {"velocity_filter_hz": CUTOFF}}
+    device = load_device("homerehab").model_copy(update=KNOWN | fast)
+    profile = optimise(device, Scene.model_validate(scene))
+    log = pushed(0.0, friction=90.0, speed=0.05, last=0.3, step=step, noise=0.0)
+    seen = verify(profile, log, gain=GAIN)
+    assert "decay: not assessed" in decay(seen)

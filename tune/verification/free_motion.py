@@ -291,7 +291,7 @@ def _solve(
     kept = np.ones(measured.size, dtype=np.bool_)
     if left_out is not None:
         kept[measured.size * left_out // _BLOCKS : measured.size * (left_out + 1) // _BLOCKS] = 0
-    scale = float(np.std(measured))
+    scale = float(np.std(measured)) or 1.0  # at rest
 
     def residual(theta: FloatArray) -> FloatArray:
         return (measured[kept] - _projected(columns(theta)[kept], measured[kept])[0]) / scale

@@ -366,6 +366,21 @@ def test_a_device_that_is_named_is_warned_of_what_may_pull_at_it_alone(
     assert "Let nothing pull at it" in ended.err
 
 
+@pytest.mark.parametrize(("speed", "little"), [(0.3, True), (2.0, False)])
+def test_a_plan_of_little_force_tells_the_option_that_its_log_needs(
+    here: Path, speed: float, little: bool
+) -> None:
+    """A log of less than 40 % of the continuous force is asked for its unit."""
+    text = (here / "excitation.yaml").read_text(encoding="utf-8")
+    light = text.replace("mass: 3.0", "mass: 0.3").replace("damping: 10.0", "damping: 1.0")
+    Path("plan.yaml").write_text(light.replace("speed: 1.0", f"speed: {speed}"), "utf-8")
+    ended = haptune("excite", "plan.yaml")
+    assert ended.code == 0
+    force = np.loadtxt("force.csv", delimiter=",", skiprows=1)[:, 1]
+    assert (np.max(np.abs(force)) < 0.4 * 14.0) == little
+    assert ("--force-gain 1" in ended.out) == little
+
+
 @pytest.mark.usefixtures("here")
 def test_template_is_read() -> None:
     assert haptune("new", "excitation", "-o", "blank.yaml", "--quiet").code == 0

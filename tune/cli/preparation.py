@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 _ROOM = {"emps": 0.1, "homerehab": 0.1, "knob": 1.0, "stylus": 0.03}
 #: Parts of the stiffness that the continuous force allows, of which a soft spring is one.
 _SOFT = 20.0
+#: A log whose force stays below this part of the continuous limit is asked for its unit.
+_LIKE_AMPERES = 0.4
 
 
 #: Files that have a template, and languages of the player with the endings of their files.
@@ -204,9 +206,11 @@ def excite_command(
         if wanted.axes is None:
             plan = ident.plan_excitation(wanted, progress=say)
             details, shown = _plan_details(plan), (_excitation_table(plan), _prediction_line(plan))
+            least = plan.best.used.force
         else:
             plan = ident.plan_axes(wanted, progress=say)
             details, shown = _axes_details(plan), (_axes_table(plan), _axes_line(plan))
+            least = float(abs(plan.force).max(axis=0).min()) / plan.spec.force
         text = ident.force_text(plan)
     rows = text.count("\n") - 1
     session.details |= details | _limits_details(plan) | {"rows": rows}
@@ -220,6 +224,11 @@ def excite_command(
             f"{plan.spec.duration:g} s: identify its log (haptune identify LOG --force-gain 1 -o "
             "first.yaml; so small a force looks like amperes), then put device: first.yaml in the "
             "place of gentle: true and plan the full force for the device identified"
+        )
+    elif least < _LIKE_AMPERES:
+        session.say(
+            f"it reaches {least:.0%} of the force limit, and so small a force looks like amperes: "
+            "read its log with --force-gain 1 (doctor, identify, calibrate)"
         )
     if dry_run:  # thousands of rows would tell nobody anything
         session.say(f"dry run: {output} would be written, {rows} rows")

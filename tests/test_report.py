@@ -13,8 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from datasets_synthetic import bundled_path
 from identification import load_device
-from tests.commands import haptune, log_text
+from tests.commands import FLUID, haptune, log_text
 from tune import SafeProfile, Scene, optimise
 from tune.exporters import NOT_A_SAFETY_FUNCTION
 from tune.presentation.page import report_html
@@ -111,6 +112,25 @@ def test_only_a_profile_that_passes_with_its_own_logs_gets_a_report(
     assert haptune("report", "changed.yaml", "-o", "other.html").code == 6
     assert not Path("other.html").exists()
     assert haptune("report", "profile.yaml", "-o", "profile.yaml").code == 2
+
+
+def test_a_log_is_read_for_a_report_as_it_was_read_for_its_device(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A force far below the limit is asked for its unit once, and not taken for another later."""
+    monkeypatch.setattr("tune.presentation.page._pictures", lambda *_: iter(()))
+    Path("log.csv").write_bytes(bundled_path("homerehab.csv").read_bytes())
+    hardware = bundled_path("homerehab.hardware.yaml").read_text(encoding="utf-8")
+    strong = re.sub("(continuous|peak): [0-9.]+", r"\1: 100.0", hardware)
+    Path("hardware.yaml").write_text(strong, encoding="utf-8")
+    Path("scene.yaml").write_text(FLUID, encoding="utf-8")
+    calibrate = ("calibrate", "log.csv", "--hardware", "hardware.yaml", "--scene", "scene.yaml")
+    assert haptune(*calibrate).code == 4
+    assert haptune(*calibrate, "--force-gain", "1").code == 0
+    refused = haptune("report", "profile.yaml", "log.csv", "--force-gain", "2")
+    assert refused.code == 3
+    assert "is read as force from 'force' times 2, but" in refused.err
+    assert haptune("report", "profile.yaml", "log.csv").code == 0
 
 
 @pytest.mark.long

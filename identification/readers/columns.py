@@ -431,7 +431,7 @@ def conversion_of(
         gains[role] = given if given is not None else 1.0 if named is None else named
         if role == "reference" and given is None and unit is None:
             gains[role] = gains["position"]
-        if unit is not None or name != getattr(columns, role):
+        if unit is not None or name != getattr(columns, role) or given not in (None, 1.0):
             words = f"{role} from '{quote(name)}'"
             notes.append(words + (f" times {gains[role]:.6g}" if gains[role] != 1 else ""))
     known = {role for role in ("force", "position") if role in names and units[role] is not None}

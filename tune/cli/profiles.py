@@ -549,12 +549,22 @@ def _own_log(
 ) -> Trajectory | Trajectories:
     """A log that the profile's device was identified from; else raises InvalidInputError."""
     trajectory = read_log(path, columns, _hardware_of(safe.device))
-    known = {log.digest: log.source for log in safe.device.logs}
-    if trajectory.digest not in known:
-        names = ", ".join(known.values()) or "none that is known"
+    records = {log.digest: log for log in safe.device.logs}
+    record = records.get(trajectory.digest)
+    if record is None:
+        names = ", ".join(each.source for each in records.values()) or "none that is known"
         seen = f"is not what the device of {profile} was identified from ({names}): its content is "
         raise InvalidInputError(path, seen + "another", "Give those logs, or none")
-    return trajectory
+    if trajectory.read_as != record.read_as:
+        then, now = (each.read_as or "a table in SI units" for each in (record, trajectory))
+        seen = f"is read as {now}, but for the device of {profile} it was read as {then}"
+        raise InvalidInputError(path, seen, "Give columns and gains as they were given then")
+    # Whoever identified the device has answered for the units.
+    stated = frozenset({"force", "position"})
+    if isinstance(trajectory, ident.Trajectory):
+        return replace(trajectory, stated_units=stated)
+    axes = tuple(replace(each, stated_units=stated) for each in trajectory.axes)
+    return replace(trajectory, axes=axes)
 
 
 def _hardware_of(device: Device) -> Hardware:

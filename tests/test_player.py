@@ -443,8 +443,8 @@ def test_an_amplifier_that_takes_no_zero_is_told_at_once(
 
 #: What fills in the C program: a device that stands still, and one more sample of its clock.
 _STILL_C = {
-    "= 0.0;\n    return -1; /* fill in */": "= 0.25;\n    return 0;",
-    "    (void)forces;\n    return -1; /* fill in */": "    (void)forces;\n    return 0;",
+    "= 0.0;\n    return PLAYER_FILL_IN;": "= 0.25;\n    return 0;",
+    "    (void)forces;\n    return PLAYER_FILL_IN;": "    (void)forces;\n    return 0;",
 }
 _STILL_PYTHON = {
     '        raise NotImplementedError("fill in read_positions")': "        return [0.25]",
@@ -468,14 +468,18 @@ def test_the_program_itself(here: Path, language: str) -> None:
         command = [*program, *words]
         return subprocess.run(command, capture_output=True, text=True, check=False)
 
-    empty = ran("force.csv", "log.csv", *limits)
-    assert empty.returncode == 1
-    assert "CUT THE POWER" in empty.stderr
     text = source.read_text(encoding="utf-8")
-    for blank, filled in (_STILL_C if language == "c" else _STILL_PYTHON).items():
+    still = _STILL_C if language == "c" else _STILL_PYTHON
+    for name, (blank, filled) in zip(
+        ("read_positions", "write_forces"), still.items(), strict=True
+    ):
+        empty = ran("force.csv", "log.csv", *limits)
+        assert empty.returncode == 2
+        assert re.search(f"no device yet: fill in (device_)?{name}\n", empty.stderr)
+        assert not Path("log.csv").exists()
         assert text.count(blank) == 1
         text = text.replace(blank, filled)
-    source.write_text(text, encoding="utf-8")
+        source.write_text(text, encoding="utf-8")
     played = ran("force.csv", "log.csv", *limits)
     assert played.returncode == 0, played.stderr
     assert "played to the end; 12 rows" in played.stderr

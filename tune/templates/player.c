@@ -20,6 +20,8 @@
 #include <string.h>
 #include <time.h>
 
+#define PLAYER_FILL_IN (-99) /* what is not filled in returns this: then nothing is played */
+
 /* ------------------------------------------------------------------------- fill in: the device */
 
 /* Read positions[0] to positions[axes - 1] in m (rad), in the order of the columns of the plan.
@@ -28,7 +30,7 @@ static int device_read_positions(void *context, int axes, double *positions)
 {
     (void)context, (void)axes;
     positions[0] = 0.0;
-    return -1; /* fill in */
+    return PLAYER_FILL_IN;
 }
 
 /* Apply a force to each axis in N (N m) until the next call. Return 0, or anything else if it
@@ -37,7 +39,7 @@ static int device_write_forces(void *context, int axes, const double *forces)
 {
     (void)context, (void)axes;
     (void)forces;
-    return -1; /* fill in */
+    return PLAYER_FILL_IN;
 }
 
 /* Return 1 while an emergency stop or an enabling switch says that the play must end. */
@@ -354,6 +356,7 @@ int main(int argc, char **argv)
     player_end end;
     FILE *file;
     const char *problem;
+    double places[PLAYER_MOST_AXES], none[PLAYER_MOST_AXES] = { 0.0 };
     int word, lost;
     for (word = 3; word + 1 < argc; word += 2) {
         double *limit = strcmp(argv[word], "--force") == 0 ? &limits.force
@@ -376,6 +379,12 @@ int main(int argc, char **argv)
     fclose(file);
     if (problem) {
         return player_fail(argv[1], problem);
+    }
+    if (device_read_positions(NULL, plan.axes, places) == PLAYER_FILL_IN) {
+        return player_fail(argv[0], "has no device yet: fill in device_read_positions");
+    }
+    if (device_write_forces(NULL, plan.axes, none) == PLAYER_FILL_IN) {
+        return player_fail(argv[0], "has no device yet: fill in device_write_forces");
     }
     if (player_rows_new(&log, plan.count + 1, plan.axes) != 0) {
         return player_fail(argv[2], "needs more memory than there is");

@@ -220,6 +220,18 @@ def _switch_off(device: Device, axes: int) -> bool:
     return False
 
 
+def _blank(device: Device, axes: int) -> str:
+    """What of the device is still to be filled in, or ""."""
+    try:
+        device.read_positions()
+        device.write_forces([0.0] * axes)
+    except NotImplementedError as error:
+        return str(error)
+    except Exception:  # noqa: BLE001 - the play ends by it and says so
+        return ""
+    return ""
+
+
 def main(device: Device) -> int:
     """Play a file and keep the log; 0 if played to the end, 1 if stopped, 2 if not begun."""
     parser = argparse.ArgumentParser(description="Play a planned force and log the motion.")
@@ -232,6 +244,8 @@ def main(device: Device) -> int:
     limits = Limits(given.force, given.travel, given.speed, given.ramp)
     try:
         plan = load_plan(given.plan, limits)
+        if blank := _blank(device, len(plan.columns)):
+            raise ValueError(f"there is no device yet: {blank}")
         # Opened before anything moves: a log that cannot be kept is not played.
         log = given.log.open("w", encoding="utf-8")
     except (OSError, ValueError) as error:

@@ -138,6 +138,22 @@ def test_rows_that_come_late_and_catch_up_are_no_other_clock(
     assert found == ({"jitter", "dropped-samples"} if lost else {"jitter"})
 
 
+def test_a_force_that_a_late_sample_held_on_is_no_force_of_lost_rows() -> None:
+    """Played by a computer that is late by 4.5 samples three times a second, true stamps."""
+    axis = Axis(coulomb=0.8, delay=STEP, sample_time=STEP / 10)
+    force = multisine(np.random.default_rng(0), samples=6000, runs=1, axis=Axis())[:, 0]
+    ticks = 10 * np.arange(force.size)
+    for k in range(300, force.size - 10, 300):
+        ticks[k : k + 5] = 10 * (k + 5) - np.arange(5, 0, -1)
+    held = np.repeat(force, np.diff(ticks, append=ticks[-1] + 10))
+    place = counted(positions(axis, held[:, None]), COUNT)[ticks, 0]
+    late = log(force, place, np.asarray(STEP / 10 * ticks, dtype=np.float64))
+    found = identify(late, hardware=Hardware(sample_time=quantity(STEP), delay=quantity(STEP)))
+    assert found.device.mass.low <= axis.mass <= found.device.mass.high
+    assert found.device.damping.low <= axis.damping <= found.device.damping.high
+    assert found.device.mass.high - found.device.mass.low < 1e-3 * axis.mass
+
+
 @pytest.mark.parametrize(("milliseconds", "severity"), [(5, "warning"), (150, "refusal")])
 def test_a_gap_is_judged_by_the_motion_in_it(milliseconds: int, severity: str) -> None:
     trajectory = plain()

@@ -111,7 +111,9 @@ class Commands:
             return cls(steps=steps, value=force, sent=None)
         sent = np.concatenate(([0.0], np.cumsum(steps)))
         usual = float(np.median(steps))
-        pieces = np.where(steps > LOST * usual, np.rint(steps / usual), 1.0).astype(np.intp)
+        # Rows that were late lost none: those that were missed follow at once.
+        lost = (steps > LOST * usual) & (np.append(steps[1:], usual) > (2 - LOST) * usual)
+        pieces = np.where(lost, np.rint(steps / usual), 1.0).astype(np.intp)
         if np.all(pieces == 1):
             return cls(steps=steps, value=force, sent=sent)
         row = np.repeat(np.arange(steps.size), pieces)

@@ -288,3 +288,29 @@ def test_every_setting_of_the_study_is_met_exactly() -> None:
     profile = _as_wanted(tuple(TRIALS), **TRACKING)
     assert profile.loop.acceleration_filter_hz is not None
     assert 25 <= profile.loop.acceleration_filter_hz <= 50
+
+
+@pytest.mark.long
+def test_a_cutoff_that_is_rounded_up_beyond_the_nyquist_frequency_is_found_again() -> None:
+    """Of sample times up to 0.50037 ms the highest is 999.26 Hz, written as 999.3."""
+    device = Device(
+        motion="linear",
+        sample_time=quantity(0.0005, 0.000499629139021285, 0.0005003708609787151),
+        mass=quantity(0.034961031188815474, 0.034222500719269446, 0.0356995616583615),
+        damping=quantity(0.9795409816467706, 0.9697573313485682, 0.9893246319449731),
+        delay=quantity(0.0014070301814016848),
+        encoder_resolution=quantity(1.4977887669983815e-05),
+        force_limit=ForceLimit(continuous=9.560835407032208, peak=19.121670814064416),
+    )
+    spring = {"stiffness": "max", "damping": 0.8084424723011537, "penetration": 0.0097805}
+    wall = {"stiffness": "max", "damping": "max", "one_sided": True, "speed": 0.472228}
+    elements = {
+        "cup": {"mass": "max", "damping": "max", "speed": 0.34446, "priority": 3},
+        "feather": {"damping": "min", "speed": 0.160458},
+        "spring": spring | {"speed": 0.200154},
+        "wall": wall | {"priority": 3},
+    }
+    kinds = {"velocity_filter": "free", "acceleration_filter": "free"}
+    wanted = {"elements": elements, "loop": kinds, "ripple_limit": 2.41726}
+    profile = optimise(device, Scene.model_validate(wanted))
+    assert profile.elements["spring"].stiffness > 200

@@ -579,8 +579,8 @@ class CutoffAxis:
         return len(self.first) > 1
 
     def place(self, hertz: float | None) -> float:
-        """Where a cut-off is; beyond all of them for no filter."""
-        return math.log(hertz) if self.free and hertz else self.first[-1]
+        """Where a cut-off is, as written, rounded up at most; beyond all of them for no filter."""
+        return min(math.log(hertz), self.first[-2]) if self.free and hertz else self.first[-1]
 
     def moved(self, place: float, way: float) -> float:
         """A place so much farther along, as far as there are filters."""

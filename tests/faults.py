@@ -971,7 +971,7 @@ FAULTS: tuple[Fault, ...] = (
             "if not go or scene.elements.keys() <= gone:",
             "if True:",
         ),
-        ("a wall that is told apart", "return self.without((wall, other))", "pass"),
+        ("a wall that is told apart", "return self.without(pair)", "pass"),
     ),
     *_of(
         "tune/stability/nonlinear.py",

@@ -210,6 +210,10 @@ class DesignTask:
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region, favour=favour)
 
+    def asks_for_both(self, pair: tuple[str, str]) -> bool:
+        """Whether the scene asks for a pair of elements together."""
+        return any({*pair} <= {*group} for group in self.scene.together)
+
     def without(self, pair: tuple[str, str]) -> DesignTask:
         """The task with one more pair of elements that are never met together."""
         order = list(self.scene.elements)
@@ -233,7 +237,7 @@ class DesignTask:
         """
         mine, its = (self.scene.elements[name] for name in (wall, other))
         fixed = all(wish.kind == "value" for wish in its.wishes().values())
-        together = any({wall, other} <= {*group} for group in self.scene.together)
+        together = self.asks_for_both((wall, other))
         equal = mine.priority == its.priority
         parts = (_FOR_WALLS, *_TOGETHER * (together and equal))
         less = next((part for part in parts if part < self.parts.get(other, 1.0)), None)
@@ -263,9 +267,9 @@ class DesignTask:
         """
         scene, names = self.scene, min(unproved, key=len, default=())
         for wall, other in product(names, names):
-            met = any({wall, other} <= set(group) for group in scene.together)
-            if wall in scene.walls and other not in scene.walls and not met:
-                return self.without((wall, other))
+            pair = wall, other
+            if wall in scene.walls and other not in scene.walls and not self.asks_for_both(pair):
+                return self.without(pair)
         go = [each for one in unproved if len(one) == 1 for each in one]
         if names and not go:
             go = [max(reversed(names), key=lambda name: scene.elements[name].priority)]

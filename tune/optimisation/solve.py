@@ -241,8 +241,7 @@ def _pair(
         and (wall in elements) != (other in elements)
         and {wall, other} not in map(set, scene.apart)
     ]
-    asked = [{*group} for group in scene.together]
-    may = [p for p in pairs if leaves_room(p) or not any({*p} <= group for group in asked)]
+    may = [pair for pair in pairs if leaves_room(pair) or not task.asks_for_both(pair)]
     return max(may, key=lambda p: (scene.elements[p[1]].priority, leaves_room(p)), default=None)
 
 

@@ -108,10 +108,10 @@ _EDGE = 1e-6
 _GROWN = 0.1
 #: ... and by this one where an element leaves room for a wall.
 _ROOM = 1.0
-#: Limits of a whole combination, below which slack for a proof leaves room, and how much of the
-#: gain at most: what hardly moves the loop could be many times larger within it.
-_SPARE = 0.07
+#: Limits of a whole combination, below which slack for a proof leaves room.
 _SHARED = {"gain-margin", "delay-margin", "stability", "saturation"}
+#: ... of so much of the gain at most: what hardly moves the loop could be many times larger in it.
+_SPARE = 0.07
 #: Cells in which a proof that is easy is found.
 _FEW_CELLS = 20_000
 

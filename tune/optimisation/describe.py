@@ -427,8 +427,7 @@ def why_pumped(scene: Scene, design: Design, unknown: Unknown, size: float) -> s
         ways.append(f"ask for much less than {format_number(unknown.sign * size)}")
     met = dict.fromkeys(each for s in scene.subsets() if name in s for each in s if each != name)
     ways += [f"keep it apart from {' and '.join(met)}"] * bool(met)
-    words = ", or ".join(ways)
-    return f"{_PUMPED}. {words[0].upper()}{words[1:]}"
+    return _with_ways(_PUMPED, ways)
 
 
 def why_unproved(task: DesignTask, label: str, gain: float) -> str:
@@ -442,9 +441,14 @@ def why_unproved(task: DesignTask, label: str, gain: float) -> str:
     if lead is not None and (mine.damping is None or mine.damping.kind != "value"):
         more = f"{format_number(lead)} {UNITS[motion]['length']}"
         ways.append(f"allow it more lead than {more}, with which more damping holds it")
-    words = ", or ".join(ways)
     proved = f"pushing on one side, or cut, it is proved stable to a gain of {gain:.4g} only"
-    return f"{proved}. {words[0].upper()}{words[1:]}" if words else proved
+    return _with_ways(proved, ways)
+
+
+def _with_ways(why: str, ways: Sequence[str]) -> str:
+    """A reason, followed by what to ask for instead, if there is anything."""
+    words = ", or ".join(ways)
+    return f"{why}. {words[0].upper()}{words[1:]}" if words else why
 
 
 def _at_most(most: str, sign: float) -> str:

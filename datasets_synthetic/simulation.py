@@ -548,8 +548,10 @@ class _Stride:
         stands = rests & (before == 0)
         after = later[:, axes:]
         freed = np.zeros_like(stands)
-        for pattern in np.unique(stands[stands.any(axis=1)], axis=0):
-            which = np.flatnonzero((stands == pattern).all(axis=1))
+        codes = np.sum(stands << np.arange(axes), axis=1)
+        for code in np.flatnonzero(np.bincount(codes)[1:]) + 1:
+            which = np.flatnonzero(codes == code)
+            pattern = stands[which[0]]
             place, force = members[which], (acting + held)[which]
             change, law = self.changes(tuple(pattern.tolist()), halving, place)
             later[which] = _after(change, state[which], force)

@@ -83,19 +83,44 @@ class _Pattern:
 
     def moved(
         self, which: IndexArray | slice, speed: FloatArray, pull: FloatArray, span: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distance, speed and acceleration of all axes after a span, shape (which, axes)."""
-        free, shapes, rates = self.free, self.shapes[which], self.rates[which]
-        own = _times(self.back[which], speed[:, free])
-        push = _times(np.swapaxes(shapes, 1, 2), pull[:, free])
-        time = span[:, None]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distance and speed of all axes after a span, shape (which, axes)."""
+        own, push = self._own(which, speed, pull)
+        shapes, rates, time = self.shapes[which], self.rates[which], span[:, None]
         one, two = _responses(rates * time)
-        now = own + time * one * (push - rates * own)
-        gone = time * one * own + time * time * two * push
-        found = np.zeros((3, *speed.shape))
-        for row, part in enumerate((gone, now, push - rates * now)):
-            found[row][:, free] = _times(shapes, part)
-        return found[0], found[1], found[2]
+        found = np.zeros((2, *speed.shape))
+        found[0][:, self.free] = _times(shapes, time * (one * own + time * two * push))
+        found[1][:, self.free] = _times(shapes, own + time * one * (push - rates * own))
+        return found[0], found[1]
+
+    def rest(
+        self,
+        which: IndexArray,
+        axis: int,
+        speed: FloatArray,
+        pull: FloatArray,
+        time: FloatArray,
+        left: FloatArray,
+    ) -> FloatArray:
+        """When an axis comes to rest within what is left, s, shape (which,), by Newton steps."""
+        own, push = self._own(which, speed, pull)
+        shape, rates = self.shapes[which, np.searchsorted(self.free, axis)], self.rates[which]
+        for _ in range(_NEWTON_STEPS):
+            one, _ = _responses(rates * time[:, None])
+            now = own + time[:, None] * one * (push - rates * own)
+            slope = np.sum(shape * (push - rates * now), axis=1)
+            move = np.sum(shape * now, axis=1) / np.where(slope == 0, np.inf, slope)
+            before, time = time, np.clip(time - move, 0.0, left)
+            if np.all(np.abs(time - before) <= _FINE * left):
+                break  # the next step would be as small as the square of this one
+        return time
+
+    def _own(
+        self, which: IndexArray | slice, speed: FloatArray, pull: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Speeds and forces in the coordinates of those that move."""
+        turned = np.swapaxes(self.shapes[which], 1, 2)
+        return _times(self.back[which], speed[:, self.free]), _times(turned, pull[:, self.free])
 
 
 def _responses(delta: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -123,10 +148,12 @@ class _Run:
     blocks: dict[bytes, _Block] = field(default_factory=dict[bytes, "_Block"])
     grip: FloatArray = field(init=False)
     rough: BoolArray = field(init=False)
+    bits: IndexArray = field(init=False)
 
     def __post_init__(self) -> None:
         self.grip = np.maximum(self.devices.friction, 0.0)
         self.rough = self.grip > 0
+        self.bits = 1 << np.arange(self.grip.shape[1])
 
     def _pattern(self, moving: NDArray[Any]) -> _Pattern:
         key = moving.tobytes()
@@ -152,7 +179,7 @@ class _Run:
         sense = np.where(self.rough, np.sign(speed), 0.0)
         found = np.empty((samples, *place.shape))
         found[: self.first + 1] = place
-        k = self.first
+        k, every = self.first, np.arange(len(place))
         while k < samples - 1:
             moving = self._moving(sense)
             if np.all(moving == moving[0]):
@@ -163,7 +190,8 @@ class _Run:
                     place, speed, k = found[k + done], speeds, k + done
                     continue
             for part, span in enumerate(spans):
-                place, speed, sense = self._through(place, speed, sense, pulls[:, k, part], span)
+                given = place, speed, sense, pulls[:, k, part], span
+                place, speed, sense = self._through(every, *given)
             k += 1
             found[k] = place
         return found
@@ -180,86 +208,105 @@ class _Run:
 
     def _through(
         self,
+        some: IndexArray,
         place: FloatArray,
         speed: FloatArray,
         sense: FloatArray,
         pull: FloatArray,
-        span: FloatArray,
+        left: FloatArray,
+        events: int = 0,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place, speed and sense of all after a span under a held force, through every turn."""
-        left, sense = span.copy(), sense.copy()
-        for _ in range(_MOST_EVENTS):
-            needed = self._break_away(speed, sense, pull)
-            gone, later, _ = self._moved(speed, sense, pull, left)
-            back = later * sense < 0
-            stuck = self.rough & (sense == 0)
-            ends = self._held(later, sense, pull) if stuck.any() else needed
-            loose = stuck & (np.abs(ends) > self.grip)
-            which = np.flatnonzero((back | loose).any(axis=1))
-            if not which.size:
-                return place + gone, later, sense
-            instant = self._rests(speed, sense, pull, left, later, back)
-            # What holds an axis changes all but evenly within a sample.
-            spare, more = self.grip - np.abs(needed), np.abs(ends) - np.abs(needed)
-            part = np.clip(spare / np.where(loose, more, 1.0), 0.0, 1.0)
-            instant = np.where(loose, part * left[:, None], instant)[which]
-            axis = np.argmin(instant, axis=1)
-            until = left.copy()
-            until[which] = instant[np.arange(len(which)), axis]
-            gone, later, _ = self._moved(speed, sense, pull, until)
-            place, speed, left = place + gone, later, left - until
-            speed[which, axis] = 0.0
-            sense[which, axis] = np.where(loose, np.sign(ends), 0.0)[which, axis]
-        gone, later, _ = self._moved(speed, sense, pull, left)
-        return place + gone, later, sense
+        """Place, speed and sense of some devices after a span, s, under a held force.
 
-    def _held(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
-        """Force that friction has to give each axis that stands, N, (devices, axes)."""
-        push, found = pull - self.grip * sense, np.empty_like(speed)
-        for which, pattern in self._kinds(sense):
-            found[which] = pattern.held(which, speed[which], push[which])
+        Through every turn: those that turn or break away go on from there, with what is left.
+        """
+        sense, needed = self._broken_away(some, speed, sense, pull)
+        gone, later = self._moved(some, speed, sense, pull, left)
+        back = later * sense < 0
+        grip, stuck = self.grip[some], self.rough[some] & (sense == 0)
+        ends = self._held(some, later, sense, pull) if stuck.any() else needed
+        loose = stuck & (np.abs(ends) > grip)
+        which = np.flatnonzero((back | loose).any(axis=1))
+        place = place + gone
+        if not which.size or events == _MOST_EVENTS:
+            return place, later, sense
+        # What holds an axis changes all but evenly within a sample.
+        spare, more = (grip - np.abs(needed))[which], (np.abs(ends) - np.abs(needed))[which]
+        part = np.clip(spare / np.where(loose[which], more, 1.0), 0.0, 1.0)
+        turning, begin, left = some[which], (speed[which], sense[which], pull[which]), left[which]
+        rests = self._rests(turning, *begin, left, later[which], back[which])
+        instant = np.where(loose[which], part * left[:, None], rests)
+        first = np.arange(which.size), np.argmin(instant, axis=1)
+        until = instant[first]
+        so_far, now = self._moved(turning, *begin, until)
+        now[first] = 0.0
+        begin[1][first] = np.where(loose, np.sign(ends), 0.0)[which][first]
+        here = place[which] - gone[which] + so_far
+        place[which], later[which], sense[which] = self._through(
+            turning, here, now, *begin[1:], left - until, events + 1
+        )
+        return place, later, sense
+
+    def _held(
+        self, some: IndexArray, speed: FloatArray, sense: FloatArray, pull: FloatArray
+    ) -> FloatArray:
+        """Force that friction has to give each axis that stands, N, (some, axes)."""
+        push, found = pull - self.grip[some] * sense, np.empty_like(speed)
+        for rows, pattern in self._kinds(some, sense):
+            found[rows] = pattern.held(some[rows], speed[rows], push[rows])
         return found
 
     def _moved(
-        self, speed: FloatArray, sense: FloatArray, pull: FloatArray, span: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distance, speed and acceleration after a span in which nothing turns or breaks away."""
-        push, found = pull - self.grip * sense, np.empty((3, *speed.shape))
-        for which, pattern in self._kinds(sense):
-            found[:, which] = pattern.moved(which, speed[which], push[which], span[which])
-        return found[0], found[1], found[2]
+        self,
+        some: IndexArray,
+        speed: FloatArray,
+        sense: FloatArray,
+        pull: FloatArray,
+        span: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distance and speed after a span in which nothing turns or breaks away."""
+        push, found = pull - self.grip[some] * sense, np.empty((2, *speed.shape))
+        for rows, pattern in self._kinds(some, sense):
+            found[:, rows] = pattern.moved(some[rows], speed[rows], push[rows], span[rows])
+        return found[0], found[1]
 
-    def _kinds(self, sense: FloatArray) -> Iterator[tuple[IndexArray | slice, _Pattern]]:
-        """Devices by which of their axes move."""
-        moving = self._moving(sense)
-        if np.all(moving == moving[0]):
+    def _kinds(
+        self, some: IndexArray, sense: FloatArray
+    ) -> Iterator[tuple[IndexArray | slice, _Pattern]]:
+        """Rows of devices by which of their axes move."""
+        moving = ~(self.rough[some] & (sense == 0))
+        codes = moving @ self.bits
+        if np.all(codes == codes[0]):
             yield slice(None), self._pattern(moving[0])
             return
-        kinds, of_which = np.unique(moving, axis=0, return_inverse=True)
-        for row, kind in enumerate(kinds):
-            yield np.flatnonzero(of_which == row), self._pattern(kind)
+        for code in np.flatnonzero(np.bincount(codes)):
+            rows = np.flatnonzero(codes == code)
+            yield rows, self._pattern(moving[rows[0]])
 
-    def _break_away(self, speed: FloatArray, sense: FloatArray, pull: FloatArray) -> FloatArray:
-        """Give what friction cannot hold any longer its sense, the most pulled axis first.
+    def _broken_away(
+        self, some: IndexArray, speed: FloatArray, sense: FloatArray, pull: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Senses with those of what friction cannot hold any longer, the most pulled axis first.
 
-        Returns the force that holds what is stuck, N, zero where nothing is.
+        And the force that holds what is stuck, N, zero where nothing is.
         """
-        needed = np.zeros_like(speed)
+        sense, needed = sense.copy(), np.zeros_like(speed)
         for _ in range(speed.shape[1]):
-            stuck = self.rough & (sense == 0)
+            stuck = self.rough[some] & (sense == 0)
             if not stuck.any():
                 break
-            needed = self._held(speed, sense, pull)
-            excess = np.where(stuck, np.abs(needed) - self.grip, 0.0)
+            needed = self._held(some, speed, sense, pull)
+            excess = np.where(stuck, np.abs(needed) - self.grip[some], 0.0)
             axis = np.argmax(excess, axis=1)
             free = np.flatnonzero(excess[np.arange(len(axis)), axis] > 0)
             if not free.size:
                 break
             sense[free, axis[free]] = np.sign(needed[free, axis[free]])
-        return needed
+        return sense, needed
 
     def _rests(
         self,
+        some: IndexArray,
         speed: FloatArray,
         sense: FloatArray,
         pull: FloatArray,
@@ -268,22 +315,16 @@ class _Run:
         back: BoolArray,
     ) -> FloatArray:
         """When each axis of each device comes to rest, s; infinite where it does not."""
-        instant = np.full(speed.shape, np.inf)
-        for axis in np.flatnonzero(back.any(axis=0)):
-            some = np.flatnonzero(back[:, axis])
-            start, end = speed[some, axis], later[some, axis]
-            # What has just broken away begins at zero: its return is looked for from the end.
-            time = left[some] * np.where(start == 0, 1.0, start / (start - end))
-            for _ in range(_NEWTON_STEPS):
-                span = left.copy()
-                span[some] = time
-                _, now, bend = self._moved(speed, sense, pull, span)
-                slope = bend[some, axis]
-                slope = np.where(slope == 0, np.inf, slope)
-                before, time = time, np.clip(time - now[some, axis] / slope, 0.0, left[some])
-                if np.all(np.abs(time - before) <= _FINE * left[some]):
-                    break  # the next step would be as small as the square of this one
-            instant[some, axis] = time
+        push, instant = pull - self.grip[some] * sense, np.full(speed.shape, np.inf)
+        for kind, pattern in self._kinds(some, sense):
+            rows = np.arange(len(some))[kind]
+            for axis in np.flatnonzero(back[rows].any(axis=0)).tolist():
+                those = rows[back[rows, axis]]
+                start, end = speed[those, axis], later[those, axis]
+                # What has just broken away begins at zero: its return is looked for from the end.
+                time = left[those] * np.where(start == 0, 1.0, start / (start - end))
+                given = some[those], axis, speed[those], push[those]
+                instant[those, axis] = pattern.rest(*given, time, left[those])
         return instant
 
 
@@ -308,7 +349,7 @@ class _Block:
             for axis in range(axes):
                 unit = np.broadcast_to(np.eye(axes)[axis], (count, axes))
                 for row, (speed, pull) in enumerate(((unit, nothing), (nothing, unit))):
-                    gone, now, _ = pattern.moved(slice(None), speed, pull, span)
+                    gone, now = pattern.moved(slice(None), speed, pull, span)
                     part[row, :, :, axis], part[2 + row, :, :, axis] = now, gone
         steps = _BLOCK * len(spans)
         maps = np.zeros((count, 2, steps, axes, axes * (steps + 1)))

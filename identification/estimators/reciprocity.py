@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtri
 
 from identification.estimators.joint import JointLog
 from identification.estimators.joint_fits import (
@@ -61,7 +61,7 @@ def unequal_couplings(prepared: JointLog, estimate: JointEstimate) -> tuple[Uneq
         positions = noise_free_positions(prepared)
     values, around = solve_rows(prepared, positions, symmetric=False)
     model, count = prepared.model, len(prepared.model.pairs)
-    least = float(fisher.ppf(_LEVEL, 2, around.degrees_of_freedom))
+    least = float(fdtri(2, around.degrees_of_freedom, _LEVEL))
     ratios = np.geomspace(1 / _LARGEST_RATIO, _LARGEST_RATIO, _RATIOS)
     found: list[UnequalCoupling] = []
     for place, pair in enumerate(model.across):

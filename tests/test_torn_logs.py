@@ -129,7 +129,7 @@ def elements(folder: Path) -> Path:
 
 
 BOMBS: dict[str, Callable[[Path], Path]] = {
-    each.__name__: each for each in (sheets, elements, cell)
+    each.__name__: each for each in (cell, sheets, elements)
 }
 
 

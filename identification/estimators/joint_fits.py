@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from identification.estimators.estimate import Spread, gauss_newton, spread
+from identification.estimators.estimate import Spread, gauss_newton, spread, symmetric_inverse
 from identification.estimators.instruments import explained_by_reference, solve_instrumental
 from identification.estimators.joint import JointLog, JointModel, Rows
 from identification.estimators.joint_motion import DevicesOfAxes
@@ -20,9 +20,9 @@ from identification.trajectory import FloatArray, Trajectories
 JointMethod = Literal["least-squares", "instruments", "output-error"]
 
 #: Steps of Gauss and Newton, and the part of a deviation (of the sum of squares over the variance
-#: of one) below which they end, ...
+#: of one) below which they end.
 _MOST_STEPS, _CONVERGED = 30, 0.2
-#: ... tries of each, ever shorter: the damping of Levenberg and Marquardt, and how it grows.
+#: Tries of each, ever shorter: the damping of Levenberg and Marquardt, and how it grows.
 _MOST_TRIES, _FIRST, _MORE = 10, 1e-5, 10.0
 #: What more a step promises, in variances of a residual, than a search that has ended; how often
 #: the whole of such a step is taken, be it for the worse at first.
@@ -386,6 +386,8 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
         settled = bool(np.all(np.abs(scale / before - 1) < _WEIGHED))
         residual, columns = play.weighed(theta, positions, slopes, scale)
         move, gain = _step(columns, residual, 0.0)
+        if damped:  # starts that no full step improves are not followed for their own sake
+            gain = min(gain, _gained(columns, move, play.count))
         found, trial = None, theta
         if not settled or (min(gain, improved) > _CONVERGED**2 and slow < _MOST_SLOW):
             for tried in range(_MOST_TRIES):
@@ -437,3 +439,12 @@ def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[Flo
         columns = np.hstack((columns, np.sqrt(damped) * np.diag(size)))
         residual = np.append(residual, np.zeros(len(size)))
     return gauss_newton(columns, residual, _NOTHING)
+
+
+def _gained(columns: FloatArray, move: FloatArray, count: int) -> float:
+    """The most that a step gains by one of the first unknowns, in variances of a residual."""
+    size = np.linalg.norm(columns, axis=1)
+    size = np.where(size > 0, size, 1.0)
+    unit = columns / size[:, None]
+    variances = np.diag(symmetric_inverse(unit @ unit.T, _NOTHING))[:count]
+    return float(np.max((move * size)[:count] ** 2 / np.maximum(variances, _NOTHING)))

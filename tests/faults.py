@@ -1124,6 +1124,16 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "tune/templates/player.py",
+        "tests/test_player.py -k 'terminal'",
+        ("a terminal that goes", '"SIGHUP", ', ""),
+    ),
+    *_of(
+        "tune/templates/player.c",
+        "tests/test_player.py -k 'terminal'",
+        ("a terminal that goes, in C", "signals[] = { SIGHUP, ", "signals[] = { "),
+    ),
+    *_of(
         "tune/templates/player.c",
         "tests/test_player.py -k each_axis",
         (

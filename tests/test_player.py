@@ -7,8 +7,10 @@ import importlib.util
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -492,3 +494,51 @@ def test_the_program_itself(here: Path, language: str) -> None:
     assert ran("none.csv", "log.csv", *limits).returncode == 2
     assert ran("force.csv", "no/log.csv", *limits).returncode == 2
     assert ran("force.csv", "log.csv").returncode == 2
+
+
+#: What fills in a device that keeps every force it is given in a file.
+_KEPT_C = """FILE *file = fopen("forces", "a");
+    (void)context, (void)axes;
+    fprintf(file, "%g\\n", forces[0]);
+    return fclose(file);"""
+_KEPT_PYTHON = """        with open("forces", "a") as file:
+            file.write(f"{forces[0]}\\n")"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP"])
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_terminal_that_goes_leaves_no_force_on(here: Path, language: str, name: str) -> None:
+    """Whatever asks it to end or to stop, twice as a closed terminal may; the log is kept."""
+    asked = getattr(signal, name)
+    assert haptune("new", "player", "--language", language).code == 0
+    source = Path("player.c" if language == "c" else "player.py")
+    blanks = dict(_STILL_C if language == "c" else _STILL_PYTHON)
+    position, force = blanks
+    blanks[force] = _KEPT_C if language == "c" else _KEPT_PYTHON
+    text = source.read_text("utf-8").replace(
+        "(void)context, (void)axes;\n    (void)f", "    (void)f"
+    )
+    source.write_text(
+        text.replace(position, blanks[position]).replace(force, blanks[force]), "utf-8"
+    )
+    program = [sys.executable, "player.py"]
+    if language == "c":
+        subprocess.run([compiler(), *FLAGS, "-o", "player", "player.c", "-lm"], check=True)
+        program = ["./player"]
+    plan_file(here, np.sin(np.linspace(0, np.pi, 401)).round(6), 0.02)
+    words = ("force.csv", "log.csv", "--force", "2", "--travel", "0.1", "--speed", "1")
+    # A parent may have told it not to mind.
+    before = signal.signal(asked, signal.SIG_DFL)
+    played = subprocess.Popen([*program, *words], stderr=subprocess.PIPE, text=True)
+    signal.signal(asked, before)
+    began, forces = time.monotonic(), Path("forces")
+    while time.monotonic() < began + 20 and not (forces.exists() and forces.stat().st_size > 30):
+        time.sleep(0.01)
+    played.send_signal(asked)
+    played.send_signal(asked)
+    _, told = played.communicate(timeout=20)
+    assert played.returncode == 1
+    assert "stopped: emergency stop" in told
+    kept = [float(line) for line in forces.read_text("utf-8").split()]
+    assert kept[-1] == 0.0 < kept[-2]
+    assert len(rows_of(Path("log.csv").read_text("utf-8"))) == len(kept) - 1

@@ -7,9 +7,9 @@
  *
  * Row k of force.csv is held from k T on; it has a force, or one of each axis (force_x,force_y).
  * Each sample the positions are read, compared with the limits, and only then the forces are
- * written. Whatever ends the play writes zero force, and the rows up to there are kept. SI units:
- * N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along +position. The device starts
- * at rest in the middle of its travel, with no hand on it.
+ * written. Whatever ends the play but a kill (SIGKILL) writes zero force, and the rows up to there
+ * are kept. SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along
+ * +position. The device starts at rest in the middle of its travel, with no hand on it.
  */
 #define _POSIX_C_SOURCE 200809L
 #include <errno.h>
@@ -341,6 +341,25 @@ static void player_interrupt(int signal_number)
     player_interrupted = 1;
 }
 
+/* From here on what asks the program to end or to stop ends the play. SIGHUP: the terminal has gone. */
+static void player_listen(void)
+{
+#ifdef SIGHUP
+    static const int signals[] = { SIGHUP, SIGINT, SIGPIPE, SIGQUIT, SIGTERM, SIGTSTP };
+    struct sigaction action;
+    size_t each;
+    memset(&action, 0, sizeof action);
+    action.sa_handler = player_interrupt;
+    action.sa_flags = SA_RESTART;
+    for (each = 0; each < sizeof signals / sizeof *signals; each++) {
+        sigaction(signals[each], &action, NULL);
+    }
+#else /* Windows */
+    signal(SIGINT, player_interrupt);
+    signal(SIGTERM, player_interrupt);
+#endif
+}
+
 static int player_fail(const char *subject, const char *problem)
 {
     fprintf(stderr, "player: %s %s\n", subject, problem);
@@ -393,8 +412,7 @@ int main(int argc, char **argv)
     if (!(file = fopen(argv[2], "w"))) {
         return player_fail(argv[2], strerror(errno));
     }
-    signal(SIGINT, player_interrupt);
-    signal(SIGTERM, player_interrupt);
+    player_listen();
     end = player_play(&device, &plan, &limits, &log);
     lost = player_write(file, &log);
     if (fclose(file) != 0 || lost != 0) {

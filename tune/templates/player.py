@@ -6,10 +6,10 @@ and keep a hand on the emergency stop of the device, which must not depend on th
 
 Row k of force.csv is held from k T on; it has a force, or one of each axis (force_x,force_y). Each
 sample the positions are read, compared with the limits, and only then the forces are written.
-Whatever ends the play writes zero force, and the rows up to there are kept. SI units: N, m, m/s;
-N m, rad, rad/s for a rotary axis. Force is positive along +position. The device starts at rest in
-the middle of its travel, with no hand on it. One file: a program that is copied to a controller as
-it is.
+Whatever ends the play but a kill (SIGKILL) writes zero force, and the rows up to there are kept.
+SI units: N, m, m/s; N m, rad, rad/s for a rotary axis. Force is positive along +position. The
+device starts at rest in the middle of its travel, with no hand on it. One file: a program that is
+copied to a controller as it is.
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ LATEST = 0.02
 ATTEMPTS = 3
 #: Steps further than this part from even are no plan.
 EVEN = 1e-3
+#: What asks a program to end or to stop, where the system has it. SIGHUP: the terminal has gone.
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP", "SIGPIPE", "SIGBREAK")
 
 
 class Device:
@@ -252,8 +254,9 @@ def main(device: Device) -> int:
         sys.stderr.write(f"player: {error}\n")
         return 2
     interrupt = Interrupt()
-    signal.signal(signal.SIGINT, interrupt)
-    signal.signal(signal.SIGTERM, interrupt)
+    for name in SIGNALS:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), interrupt)
     with log:
         played = play(device, plan, limits, interrupt=interrupt)
         log.write(played.text())

@@ -1129,6 +1129,20 @@ FAULTS: tuple[Fault, ...] = (
         ("a terminal that goes", '"SIGHUP", ', ""),
     ),
     *_of(
+        "tune/templates/player.py",
+        "tests/test_player.py -k 'program_itself'",
+        ("limits of a play", "if not 0 <= limit < math.inf or", "if limit < 0 or"),
+    ),
+    *_of(
+        "tune/templates/player.c",
+        "tests/test_player.py -k 'program_itself'",
+        (
+            "limits of a play, in C",
+            "if (tail == argv[word + 1] || *tail ||",
+            "if (tail == argv[word + 1] ||",
+        ),
+    ),
+    *_of(
         "tune/templates/player.c",
         "tests/test_player.py -k 'terminal'",
         ("a terminal that goes, in C", "signals[] = { SIGHUP, ", "signals[] = { "),

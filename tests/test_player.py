@@ -418,6 +418,8 @@ def test_a_force_of_each_axis_is_played_and_either_axis_stops_both(
         "time,force_x,force_y\n0,0\n0.001,0\n",
         "time,force_x,force_y\n0,0,0\n0.001,20,0\n0.002,0,0\n",
         "time,force_x,force_y\n0,0,0\n0.001,1,1\n0.002,0,1\n",
+        "time,force_x,force_y\n0,0,0\n0.001,1,1N\n0.002,0,0\n",
+        "time,force_x,force_y\n0,0,0\n0.001,1,1,5\n0.002,0,0\n",
     ],
 )
 def test_a_plan_of_other_columns_or_beyond_the_limits_is_not_played(
@@ -494,6 +496,15 @@ def test_the_program_itself(here: Path, language: str) -> None:
     assert ran("none.csv", "log.csv", *limits).returncode == 2
     assert ran("force.csv", "no/log.csv", *limits).returncode == 2
     assert ran("force.csv", "log.csv").returncode == 2
+    # What is no limit is refused before anything moves, with its value.
+    for limit in ("nan", "inf", "-1", "0", "100mm", "0,1", ""):
+        for place in (3, 5, 7) if limit != "0" else (3,):
+            changed = [*limits, "--ramp", "0"]
+            changed[place] = limit
+            refused = ran("force.csv", "none.csv", *changed)
+            assert refused.returncode == 2, (changed, refused.stderr)
+            assert limit in refused.stderr
+    assert not Path("none.csv").exists()
 
 
 #: What fills in a device that keeps every force it is given in a file.

@@ -269,6 +269,7 @@ static const char *player_load(FILE *file, const player_limits *limits, player_r
     while (fgets(line, sizeof line, file)) {
         char *cell = line, *end = line;
         double *time, *forces;
+        int rest;
         if (plan->count == room) {
             time = realloc(plan->time, 2 * (size_t)room * sizeof *time);
             plan->time = time ? time : plan->time;
@@ -284,7 +285,8 @@ static const char *player_load(FILE *file, const player_limits *limits, player_r
         for (axis = -1; axis < axes; axis++) {
             double *value = axis < 0 ? time : forces + axis;
             *value = strtod(cell, &end);
-            if (end == cell || !isfinite(*value) || (axis < axes - 1 && *end != ',')) {
+            rest = axis < axes - 1 ? *end != ',' : end[strspn(end, " \t\r\n")] != '\0';
+            if (end == cell || rest || !isfinite(*value)) {
                 return "has a row that is not a number for each column";
             }
             if (axis >= 0 && fabs(*value) > limits->force) {
@@ -383,8 +385,14 @@ int main(int argc, char **argv)
             : strcmp(argv[word], "--speed") == 0 ? &limits.speed
             : strcmp(argv[word], "--ramp") == 0 ? &limits.ramp
             : NULL;
-        if (!limit || sscanf(argv[word + 1], "%lf", limit) != 1 || !isfinite(*limit)) {
-            return player_fail(argv[word], "is no limit");
+        char *tail;
+        if (!limit) {
+            return player_fail(argv[word], "is no limit: --force, --travel, --speed and --ramp are");
+        }
+        *limit = strtod(argv[word + 1], &tail);
+        if (tail == argv[word + 1] || *tail || !isfinite(*limit) || *limit < 0.0
+            || (*limit == 0.0 && limit != &limits.ramp)) {
+            return player_fail(argv[word + 1], "is no limit: give a number above 0, without a unit");
         }
     }
     if (argc < 3 || word != argc || !(limits.force > 0 && limits.travel > 0 && limits.speed > 0)) {

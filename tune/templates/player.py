@@ -19,6 +19,7 @@ import math
 import signal
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -70,12 +71,20 @@ class Limits:
         travel: farthest from the start, m (rad).
         speed: m/s (rad/s).
         ramp: s over which the force fades in and out; 0 if the plan does so itself.
+
+    Raises ValueError where one is no finite number above 0, or ramp below 0: it limits nothing.
     """
 
     force: float
     travel: float
     speed: float
     ramp: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what limits nothing."""
+        for name, limit in vars(self).items():
+            if not 0 <= limit < math.inf or (limit == 0 and name != "ramp"):
+                raise ValueError(f"--{name} {limit:g} is no limit: give a number above 0")
 
 
 @dataclass(frozen=True)
@@ -136,7 +145,9 @@ def load_plan(path: Path, limits: Limits) -> Plan:
     first, *names = header.strip().split(",")
     if first != "time" or not names or not all(each.startswith("force") for each in names):
         raise ValueError(f"{path} does not begin with the line time,force or time,force_x,force_y")
-    rows = [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
+    rows: list[list[float]] = []
+    with suppress(ValueError):
+        rows = [[float(cell) for cell in line.split(",")] for line in lines if line.strip()]
     width = 1 + len(names)
     if len(rows) < 2 or any(len(row) != width or not all(map(math.isfinite, row)) for row in rows):
         raise ValueError(f"{path} has no rows of {width} numbers")
@@ -243,8 +254,8 @@ def main(device: Device) -> int:
         parser.add_argument(f"--{name}", type=float, required=True)
     parser.add_argument("--ramp", type=float, default=0.0)
     given = parser.parse_args()
-    limits = Limits(given.force, given.travel, given.speed, given.ramp)
     try:
+        limits = Limits(given.force, given.travel, given.speed, given.ramp)
         plan = load_plan(given.plan, limits)
         if blank := _blank(device, len(plan.columns)):
             raise ValueError(f"there is no device yet: {blank}")

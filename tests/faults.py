@@ -708,6 +708,7 @@ FAULTS: tuple[Fault, ...] = (
             "contact->quiet += u == 0.0 ? 2 : 0;",
         ),
         ("a spring entered away from its rest", "if (enters && spring) {", "if (0 && spring) {"),
+        ("a filter that comes to rest", "#define VANISHED 1e-30", "#define VANISHED 0.0"),
         (
             "a rest that moves under force",
             "guard->contacts[index].force != 0.0) {",
@@ -816,6 +817,11 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_ros2.py",
         ("a force held after a silence", "return self._no_force(Status.LATE)", "return 0.0"),
         ("parameters of another profile", "if told != PROFILE:", "if False:"),
+    ),
+    *_of(
+        "tune/templates/law.py",
+        _GUARD,
+        ("a filter that comes to rest, in Python", "_VANISHED = 1e-30", "_VANISHED = 0.0"),
     ),
     *_of(
         "identification/documents.py",

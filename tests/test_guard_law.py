@@ -186,6 +186,20 @@ def test_what_is_damping_only_has_its_gain_at_once(player: Player) -> None:
     assert played.at(0, 0.0104).force == 0
 
 
+def test_a_spring_with_a_damper_that_stands_where_it_rests_comes_to_be_quiet(
+    player: Player,
+) -> None:
+    """A filter alone would keep a speed of 1e-323 m/s for ever."""
+    played, index = Played(player, 0.01), RUBBER.bit_length() - 1
+    played.enter(RUBBER)
+    played.stay(RUBBER, 1)
+    played.to(RUBBER, 0.012)
+    played.to(RUBBER, 0.01, 0.5)
+    assert played.stay(RUBBER, 500)[-1] == 0.0
+    assert player.level(index) == 1.0
+    assert played.enter(RUBBER) == "OK"
+
+
 @pytest.mark.parametrize("element", [WALL, RUBBER, GUM])
 def test_a_spring_that_pushes_is_not_moved(player: Player, element: int) -> None:
     played = Played(player)

@@ -32,10 +32,11 @@ LAW_IN_WORDS = (
     "one without those of either side, and their faces do not overlap and, where damping/stiffness "
     "differs, lie as far apart as the sum of damping/stiffness*speed. "
     "x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k] for both filters, which run on every reading of the "
-    "axis; one with a lead puts x through t2, p2 and g2 likewise and gives x[k] + "
-    "lead*(x[k] - x[k-1]) of what comes out. A reading farther than largest_change times the "
-    "periods passed from the straight line through the last two, and from the one of one period "
-    "earlier, like one that is missing, holds the force and is bridged by a straight line"
+    "axis, and where two x in a row are below 1e-30 both are 0; one with a lead puts x through "
+    "t2, p2 and g2 likewise and gives x[k] + lead*(x[k] - x[k-1]) of what comes out. A reading "
+    "farther than largest_change times the periods passed from the straight line through the last "
+    "two, and from the one of one period earlier, like one that is missing, holds the force and "
+    "is bridged by a straight line"
 )
 _OF_AXES = (
     "; y, v, a, u and F are vectors of all axes in one frame with right angles, whose length is "

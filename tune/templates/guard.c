@@ -6,7 +6,8 @@ ${heading}
  *   v from u = (y[k] - y[k-n]) / (n T),  a from u = (d[k] - d[k-1]) / T
  *
  * each through two sections x[k] = (t x[k-1] - p x[k-2]) + g u[k], one after the other, and from the
- * last x + lead (x - x[k-1]).
+ * last x + lead (x - x[k-1]). Where two x in a row are below 1e-30, both are 0, else a device that
+ * stands still would never be quiet.
  *
  * Of each element u = (K (y - rest) + B v) + M a and F = -level u. With a spring, u is clamped to
  * its force level, and of a wall to the side to which it pushes: it never pulls. The forces are
@@ -33,6 +34,8 @@ ${heading}
 
 #define COUNT ${count}u
 #define COMBINATIONS ${combination_count}u
+/* m/s or m/s^2 (rad): far below the rounding of any reading. */
+#define VANISHED 1e-30
 
 typedef struct {
     struct {
@@ -119,6 +122,9 @@ static double run(const filter *by, double state[2][2], double input)
         output = (by->sections[place].t * state[place][0] - by->sections[place].p * state[place][1])
             + by->sections[place].g * output;
         state[place][1] = state[place][0];
+        if (fabs(output) < VANISHED && fabs(state[place][1]) < VANISHED) {
+            output = state[place][1] = 0.0;
+        }
         state[place][0] = output;
     }
     return output + by->lead * (output - state[1][1]);

@@ -22,6 +22,8 @@ PROFILE = "${digest}"
 _WRAP = 2**32
 #: No reading, face or sum of forces is as large.
 _ENDLESS = 2.0**64
+#: m/s or m/s^2 (rad): far below the rounding of any reading.
+_VANISHED = 1e-30
 
 
 class Status(enum.Enum):
@@ -43,7 +45,7 @@ class Status(enum.Enum):
 
 @dataclass
 class LowPass:
-    """x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k]."""
+    """x[k] = (t*x[k-1] - p*x[k-2]) + g*u[k]; what stands still comes to be 0."""
 
     t: float = 0.0
     p: float = 0.0
@@ -55,7 +57,9 @@ class LowPass:
         """Run on by one sample."""
         output = (self.t * self.now - self.p * self.before) + self.g * value
         self.before, self.now = self.now, output
-        return output
+        if abs(output) < _VANISHED and abs(self.before) < _VANISHED:
+            self.before = self.now = 0.0
+        return self.now
 
 
 @dataclass

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import re
 import shutil
 from collections.abc import Iterator
@@ -582,6 +583,12 @@ def test_in_a_corner_under_water_the_sum_is_cut_at_the_peak(
     reply = replies[-1]
     assert reply.clamped
     assert reply.force == pytest.approx(-limit.peak * into, rel=1e-9)
+    # Not by one rounding more, to whatever side it is pushed out.
+    for k in range(1500, 1900):
+        turned = into + 1e-7 * (k - 1500) ** 2 * np.array([-into[1], into[0]])
+        reply = guard.push(bits["water"], 3, k, (1e-6 * k**2 * turned).tolist())
+        assert reply.clamped
+        assert math.hypot(*reply.force) <= limit.peak
 
 
 def test_two_laws_at_an_angle_are_not_certified(tmp_path: Path) -> None:

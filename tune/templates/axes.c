@@ -3,6 +3,8 @@
 #define ROUNDING 1e-9
 /* By less than this part of all that it is made of nothing is beyond a face. */
 #define SMALL 1e-12
+/* So much shorter that no rounding lets a vector be longer than it may be. */
+#define SHORTER (1.0 - 8.0 * DBL_EPSILON)
 
 static double product(const double one[HAPTUNE_AXES], const double other[HAPTUNE_AXES])
 {
@@ -28,11 +30,11 @@ static double shortened(double vector[HAPTUNE_AXES], double most)
 {
     const double length = sqrt(product(vector, vector));
     unsigned axis;
-    if (!(length > most)) {
+    if (!(length > most * SHORTER)) {
         return length;
     }
     for (axis = 0; axis < HAPTUNE_AXES; axis++) {
-        vector[axis] *= most / length;
+        vector[axis] *= most * SHORTER / length;
     }
     return most;
 }

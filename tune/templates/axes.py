@@ -28,6 +28,8 @@ if PROFILE != "${digest}":
 _ROUNDING = 1e-9
 #: By less than this part of all that it is made of nothing is beyond a face.
 _SMALL = 1e-12
+#: So much shorter that no rounding lets a vector be longer than it may be.
+_SHORTER = 1.0 - 2.0**-49
 #: Faces that are taken up or left on the way to the nearest point.
 _MOST_TRIES = 128
 
@@ -327,6 +329,6 @@ def _product(one: Sequence[float], other: Sequence[float]) -> float:
 def _shortened(vector: Sequence[float], most: float) -> tuple[list[float], float]:
     """A vector of at most this length in its direction, and its length then."""
     length = math.sqrt(_product(vector, vector))
-    if not length > most:
+    if not length > most * _SHORTER:
         return list(vector), length
-    return [part * (most / length) for part in vector], most
+    return [part * (most * _SHORTER / length) for part in vector], most

@@ -41,6 +41,7 @@ from tests.guard import (
     Guard,
     GuardOfAxes,
     built,
+    compiles,
     enter,
     module_of,
     parameters_of,
@@ -589,6 +590,14 @@ def test_in_a_corner_under_water_the_sum_is_cut_at_the_peak(
         reply = guard.push(bits["water"], 3, k, (1e-6 * k**2 * turned).tolist())
         assert reply.clamped
         assert math.hypot(*reply.force) <= limit.peak
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_the_guard_of_axes_compiles_without_a_warning_however_it_is_optimised(
+    axes: int, tmp_path: Path
+) -> None:
+    write(export(on_axes(axes), "c"), tmp_path)
+    assert compiles(tmp_path, "-O3") == ""
 
 
 def test_two_laws_at_an_angle_are_not_certified(tmp_path: Path) -> None:

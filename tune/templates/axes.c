@@ -45,6 +45,7 @@ static double beside(const haptune_face faces[HAPTUNE_FACES], const unsigned hel
 {
     double basis[HAPTUNE_AXES][HAPTUNE_AXES], upper[HAPTUNE_AXES][HAPTUNE_AXES];
     unsigned one, other, axis;
+    count = count < HAPTUNE_AXES ? count : HAPTUNE_AXES; /* as it is: compilers do not see it */
     for (one = 0; one < count; one++) {
         memcpy(basis[one], faces[held[one]].normal, sizeof basis[one]);
         for (other = 0; other < one; other++) {

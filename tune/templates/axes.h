@@ -2,7 +2,7 @@
 /*
  * All axes of the device in one state: ${axes}. Positions and forces are vectors in one frame with
  * right angles, the device's or any that is turned against it: elements are the same in every
- * direction, and a force that is cut keeps its own.
+ * direction, and a force that is cut keeps its own. Link with the mathematical library (-lm): sqrt.
  *
  * A face is a plane at which a wall pushes one way, with a normal of its own. All faces of a wall
  * that are given at once leave one convex room, whatever its angles: the wall pushes back to the

@@ -22,6 +22,9 @@ ${heading}
  * A period without a good reading holds the force before it; the next good reading moves the
  * filters along the straight line between the two, and more than HAPTUNE_EXTRA_DELAY such periods
  * in a row end every contact. The certificate counts each as one sample of delay.
+ *
+ * haptune_law.py of the same profile gives the same forces to the last bit, unless a compiler fuses
+ * multiplications and additions: -ffp-contract=off, which -std=c99 of GCC implies, keeps it from that.
  */
 #include "haptune_guard.h"
 

@@ -804,7 +804,8 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/templates/node.py",
         "tests/test_ros2.py",
-        ("messages that stop", "(self.law.extra_delay + 1) * self", "9 * self"),
+        ("messages that stop", "(self.law.extra_delay + 1.5) * self", "9 * self"),
+        ("the way of the message after lost ones", "extra_delay + 1.5)", "extra_delay + 1)"),
         ("messages that come late", "        if self.overdue(stamp):", "        if False:"),
         ("a clock that jumps", "or self.law.status is Status.LATE:  #", "or False:  #"),
         ("clocks that run apart", "_DRIFT * self.step, took)", "0.0, took)"),

@@ -338,7 +338,9 @@ class Bench:
                 return {"wall": (0.0, 0)}
 
         self.node: Any = Pushed()
-        self.covered = (extra + 1) * PERIOD
+        self.extra = extra
+        #: The last half is for the way of the next message.
+        self.covered = (2 * extra + 3) * PERIOD // 2
         self.stamps = 1_700_000_000_000_000_000  # what the clock of stamps is ahead
         self.period = 0
 
@@ -407,6 +409,19 @@ def test_where_messages_stop_there_is_0_within_the_periods_covered(
     bench.settle()
 
 
+@pytest.mark.parametrize("late", [0.0, 0.02, 0.4])
+def test_as_many_lost_messages_as_are_certified_end_no_contact(bench: Bench, late: float) -> None:
+    """However long the next one is on its way, up to half a period."""
+    bench.settle()
+    for _ in range(20):
+        bench.ros.sent.clear()
+        bench.period += bench.extra
+        bench.message(late=late)
+        bench.message()
+        assert len(bench.ros.sent) == 2
+        assert max(force for _, force in bench.ros.sent) < -1.0
+
+
 def test_after_a_silence_no_force_from_before_comes_back(bench: Bench) -> None:
     """With the next stamp in order and a reading that cannot be: nothing is held but 0."""
     bench.settle()
@@ -460,7 +475,7 @@ def test_readings_that_grow_old_on_their_way_give_no_force(bench: Bench) -> None
     bench.settle()
     for k in range(1, 60):
         bench.message(late=k / 3)
-        assert (bench.force == 0.0) == (k / 3 > (bench.covered / PERIOD - 0.5))
+        assert (bench.force == 0.0) == (k / 3 > bench.extra + 0.5)
     for _ in range(70):
         bench.message(late=20.0)
         assert bench.force == 0.0

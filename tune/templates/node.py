@@ -6,11 +6,11 @@
 Reads sensor_msgs/JointState from ``joint_states`` and writes std_msgs/Float64MultiArray to
 ``commands``, as effort controllers of ros2_control take it; the parameters ``state_topic`` and
 ``command_topic`` name others. Fill in ``touched``. The joint is the profile's axis, or the
-parameter ``joint``. Stamps number the periods
-of the loop, so they have to be those of the readings. What is certified is the law, not the way
-that messages take: its time belongs to the delay of the device. Where they stop, or come later than
-the certificate covers, 0 goes out. What takes the efforts has to fall to 0 by itself where this
-node is gone. A loop that must not miss a period plays the C guard.
+parameter ``joint``. Stamps number the periods of the loop, so they have to be those of the
+readings. What is certified is the law, not the way that messages take: its time belongs to the
+delay of the device, what differs of it too. Where they stop, or come half a period later than the
+certificate covers, 0 goes out. What takes the efforts has to fall to 0 by itself where this node is
+gone. A loop that must not miss a period plays the C guard.
 """
 
 from __future__ import annotations
@@ -57,8 +57,10 @@ class HaptuneNode(Node):
         self.create_subscription(JointState, found.get("state_topic", "joint_states"), self.read, 1)
         # A clock that neither jumps nor stands still, as that of the system or a simulation may.
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
-        covered = (self.law.extra_delay + 1) * self.law.sample_time
-        self.silence = self.create_timer(covered, self.stop, clock=self.steady)
+        # After as many missed as are certified the next is due one period later; half a period is
+        # for the way of messages, which belongs to the delay of the device.
+        longest = (self.law.extra_delay + 1.5) * self.law.sample_time
+        self.silence = self.create_timer(longest, self.stop, clock=self.steady)
 
     def made_of(self, found: dict[str, Any]) -> tuple[Any, list[str]]:
         """The law of these parameters, and the joints that it reads and drives."""

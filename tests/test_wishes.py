@@ -354,3 +354,53 @@ def test_what_is_left_out_for_its_fade_holds_nothing_else_down_and_is_told_what_
     assert not re.search("spring|ask for damping", note)
     less = found(light={"damping": float(told[1])}).elements["light"]
     assert less.damping == float(told[1]) < -1.5
+
+
+#: Of a device that holds 14 N, with a scene in which rubber takes most of that.
+DEVICE_OF_14_N = """\
+schema: haptune/device/1
+name: bench
+axis: x
+motion: linear
+sample_time: 0.001
+mass: {value: 2.0, low: 1.8, high: 2.2}
+damping: {value: 8.0, low: 6.0, high: 10.0}
+coulomb_friction: {value: 0.5, low: 0.4, high: 0.6}
+delay: 0.001
+encoder_resolution: 6.0e-06
+force_limit: {continuous: 14.0, peak: 14.0}
+"""
+WALL_BESIDE_RUBBER = """\
+schema: haptune/scene/1
+name: shared
+margin: balanced
+elements:
+  wall: {stiffness: 500.0, one_sided: true}
+  rubber: {stiffness: 1000.0, damping: 20.0}
+"""
+
+
+def test_a_wall_that_is_pushed_through_is_told_with_what_takes_its_force(here: Path) -> None:
+    """Of 14 N rubber takes K·10 mm and half of the rest; each remedy gives the wall a third."""
+    Path("device.yaml").write_text(DEVICE_OF_14_N, encoding="utf-8")
+    scene = Path("scene.yaml")
+    for text, level, weak in (
+        (WALL_BESIDE_RUBBER, 2.0, True),
+        (WALL_BESIDE_RUBBER + "apart: [[wall, rubber]]\n", 14.0, False),
+        (WALL_BESIDE_RUBBER.replace("20.0}", "20.0, penetration: 0.003}"), 5.5, False),
+    ):
+        scene.write_text(text, encoding="utf-8")
+        ended = haptune("tune", "device.yaml", "scene.yaml", "--verbose")
+        assert ended.code == 0, ended.err
+        said = " ".join(ended.out.split())
+        assert "wall: gives back" in said
+        assert f"cut at {level:g} N, {level / 500:.3g} m deep" in said
+        told = (
+            "wall is pushed through with 2 N, of 14 N that the device can hold: beside it rubber "
+            "has 12 N of the peak of 14 N. Keep it from what it need not be met with (apart:, or "
+            "out of together:), or state a smaller penetration for rubber"
+        )
+        assert (told in said) == weak
+        assert ("pushed through" in said) == weak
+        # What a clamp does not let pass is not told as if it did.
+        assert "all of the continuous force" not in said

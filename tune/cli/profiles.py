@@ -202,7 +202,7 @@ def tune_device(
 def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bool) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
     from tune.optimisation.describe import unmet_wishes
-    from tune.presentation.tables import certificate_lines, effects_table, verdict_on
+    from tune.presentation.tables import certificate_lines, effects_table, verdict_on, weak_walls
 
     if compare:
         profile = _choose_candidate(session, device, wish)
@@ -221,6 +221,7 @@ def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bo
     unmet = tuple(unmet_wishes(profile, wish.scene))
     told = {finding.seen for finding in unmet}
     session.say_each(note for note in profile.notes if note.partition(". ")[0] not in told)
+    session.say_each(weak_walls(profile))
     session.add_findings(unmet, quiet=False)
     session.detail(
         *certificate_lines(profile.certificate),

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 #: Perceived steps that nobody would buy anything for.
 _HARDLY = 0.05
+#: Part of the continuous force below which a wall is pushed through: it has that part where three
+#: share a peak of no more; with less, something else has most of it.
+_WEAK = 1 / 3
 
 
 def headed_table(
@@ -266,23 +269,46 @@ def _contact_lines(profile: SafeProfile, units: dict[str, str]) -> tuple[str, ..
     for name, element in profile.elements.items():
         if element.contact is not None:
             speed = f"{element.motion.speed:g} {units['speed']}"
-            parts = _contact_words(element.contact, units, speed)
+            parts = _contact_words(element.contact, units, speed, element.stiffness)
             lines += [f"{name}: {', '.join(parts)}"] if parts else []
     return ("on entering, without a hand:", *lines) if lines else ()
 
 
-def _contact_words(contact: Contact, units: dict[str, str], speed: str) -> tuple[str, ...]:
+def weak_walls(profile: SafeProfile) -> Iterator[str]:
+    """Of each wall that gives little force what has the rest of the peak, and what to do."""
+    limit, unit = profile.device.force_limit, UNITS[profile.device.motion]["force"]
+    levels = {name: each.force_level for name, each in profile.elements.items() if each.stiffness}
+    for name, wall in profile.one_of_each().elements.items():
+        weak = wall.one_sided and wall.force_level > 0
+        if limit is None or not weak or wall.force_level >= _WEAK * limit.continuous:
+            continue
+        met = ([each for each in levels if each in m] for m in profile.combinations() if name in m)
+        fullest = max(met, key=lambda springs: sum(levels[each] for each in springs))
+        others = sorted({*fullest} - {name}, key=lambda each: (-levels[each], each))
+        deep = [each for each in others if profile.elements[each].motion.penetration]
+        beside = " and ".join(f"{each} has {levels[each]:.3g} {unit}" for each in others)
+        less = f", or state a smaller penetration for {' and '.join(deep)}" if deep else ""
+        yield (
+            f"{name} is pushed through with {wall.force_level:.3g} {unit}, of {limit.continuous:g} "
+            f"{unit} that the device can hold: beside it {beside} of the peak of {limit.peak:g} "
+            f"{unit}. Keep it from what it need not be met with (apart:, or out of together:){less}"
+        )
+
+
+def _contact_words(
+    contact: Contact, units: dict[str, str], speed: str, stiffness: float
+) -> tuple[str, ...]:
     """Bounce, depths, jolt, lead and energy of one element, those that it has, in words."""
     bounce, length = contact.restitution, units["length"]
     parts: list[str] = []
     if bounce is not None:
         ends = dict.fromkeys(f"{end:.2g}" for end in bounce)
         parts.append(f"gives back {' to '.join(ends)} of the speed")
-    if contact.depth_at_continuous_force is not None:
-        shallow, deep = contact.depth_at_continuous_force, contact.depth_at_peak_force
-        parts.append(
-            f"all of the continuous force at {shallow:.3g} {length}, cut at {deep:.3g} {length}"
-        )
+    shallow, deep = contact.depth_at_continuous_force, contact.depth_at_peak_force
+    if shallow is not None and deep is not None:
+        # A clamp may let pass less than the continuous force.
+        parts += [f"all of the continuous force at {shallow:.3g} {length}"] * (shallow < deep)
+        parts.append(f"cut at {stiffness * deep:.3g} {units['force']}, {deep:.3g} {length} deep")
     if contact.lead is not None:
         side = "before" if contact.lead >= 0 else "behind"
         parts.append(f"met up to {abs(contact.lead):.2g} {length} {side} its place at {speed}")
@@ -436,7 +462,8 @@ def _audit_rows(found: Audit) -> Iterator[tuple[str, str, str]]:
     for name, jump in found.jumps.items():
         yield f"one count through {name}", f"{jump:.3g} {force}", "-"
     speed = f"{design.elements[ELEMENT].motion.speed:g} {units['speed']}"
-    met = ", ".join(_contact_words(found.wall, units, speed))
+    stiffness = design.elements[ELEMENT].stiffness
+    met = ", ".join(_contact_words(found.wall, units, speed, stiffness))
     most = "-" if found.lead is None else f"met at most {found.lead:g} {units['length']} before it"
     yield "as a wall that only pushes, a free device", met or "-", most
     if margins is None:

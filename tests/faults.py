@@ -1041,6 +1041,13 @@ FAULTS: tuple[Fault, ...] = (
         ("a play that is not cut", "most = min(levels, default=np.inf)", "most = np.inf"),
     ),
     Fault(
+        name="a wall is not let go of for its motion",
+        file="tune/verification/motion.py",
+        old="elif profile.walls.intersection(combination):",
+        new="elif False:",
+        tests="tests/test_letting_go.py -k a_wall_that",
+    ),
+    Fault(
         name="friction stops what is pushed",
         file="tune/verification/motion.py",
         old="held = device.coulomb_friction.high / (moved * decay)",

@@ -6,14 +6,16 @@ import json
 import re
 from math import exp, pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from datasets_synthetic import log_text
+from datasets_synthetic import Controller, Rig, log_text, simulate
 from identification import Trajectory, load_device, quantity
 from tests.commands import haptune
 from tune import SafeProfile, Scene, Verification, optimise, verify
+from tune.documents.profile import ElementProfile
 from tune.verification import advise
 
 T, STEPS, CUTOFF, RISE, SPEED = 1e-3, 10, 50.0, 0.1, 0.2
@@ -180,3 +182,60 @@ def test_a_handle_that_stops_at_once_at_a_fast_rate_is_a_sentence() -> None:
     log = pushed(0.0, friction=90.0, speed=0.05, last=0.3, step=step, noise=0.0)
     seen = verify(profile, log, gain=GAIN)
     assert "decay: not assessed" in decay(seen)
+
+
+STYLUS = {
+    "mass": quantity(0.05, 0.0499, 0.0501),
+    "damping": quantity(0.3, 0.298, 0.302),
+    "coulomb_friction": quantity(0.04),
+    "delay": quantity(0.0013),
+    "encoder_resolution": quantity(1e-5),
+}
+
+
+def _let_go(element: ElementProfile, gain: float, start: float, hertz: float) -> Trajectory:
+    """A stylus let go from where an element pushes it back."""
+    known: dict[str, Any] = {name: each.value for name, each in STYLUS.items()}
+    law = Controller(
+        stiffness=gain * element.stiffness,
+        damping=gain * element.damping,
+        velocity_filter_hz=hertz,
+        side=-1 if element.one_sided else 0,
+    )
+    rig = Rig(**known, sample_time=T, force_limit=28.0)
+    return simulate(rig, np.zeros(1500), controller=law, position=start).trajectory()
+
+
+def test_a_wall_that_lets_go_before_it_swings_is_not_played_for_motion(here: Path) -> None:
+    device = load_device("homerehab").model_copy(update=STYLUS)
+    loop, said, profile = {"velocity_filter_hz": 400.0}, "", PROFILE
+    wall: dict[str, object] = {}
+    for damping in (12.0, 1.7):  # whose motion would not oscillate, and would
+        wall = {"stiffness": 250.0, "damping": damping, "one_sided": True}
+        profile = optimise(device, Scene.model_validate({"elements": {"wall": wall}, "loop": loop}))
+        (advice,) = advise(profile)
+        assert advice.play is None
+        said = advice.words("linear")
+    assert "it lets go of the handle before a swing could be seen, for it never pulls" in said
+    # What it asks for instead can be played, and that is judged.
+    sizes = re.findall(r"`spring: {stiffness: ([\d.]+), damping: ([\d.]+)}`", said)
+    spring = dict(zip(("stiffness", "damping"), map(float, sizes[0]), strict=True))
+    elements = {"wall": wall, "spring": spring}
+    scene = {"elements": elements, "loop": loop, "apart": [["wall", "spring"]]}
+    told = advise(tuned := optimise(device, Scene.model_validate(scene)))
+    for each in told:
+        assert each.play is not None
+        assert each.play.elements == ("spring",)
+    play = told[0].play
+    assert play is not None
+    assert play.displacement is not None
+    log = _let_go(tuned.elements["spring"], play.gain, play.displacement, 400.0)
+    assert verify(tuned, log).assessed
+    # The wall itself is refused with what happens, and never told to be played again.
+    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    left = log_text(_let_go(profile.elements["wall"], 0.2, 0.02, 400.0))
+    Path("left.csv").write_text(left, encoding="utf-8")
+    refused = haptune("verify", "profile.yaml", "left.csv")
+    assert refused.code == 4
+    assert "the handle leaves a one-sided wall, or the force its limit" in refused.err
+    assert "play wall at gain" not in refused.err

@@ -579,7 +579,7 @@ def _advice_details(
         told = asdict(each.play)
         return {"combination": told.pop("elements"), "direction": direction, **told}
 
-    return [{"to_verify": e.elements, "play": play(e), "why": e.why} for e in advice]
+    return [{"to_verify": e.elements, "play": play(e), "why": e.why, "add": e.add} for e in advice]
 
 
 def _verification_table(seen: Verification) -> Table:

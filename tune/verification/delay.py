@@ -23,7 +23,7 @@ from identification import Device, quantity
 from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import Effects
+from tune.documents.scene import EFFECT_NAMES, Effects
 from tune.loop.loop import Filters, Loop, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import ComplexArray, FloatArray
@@ -390,17 +390,25 @@ class Advice:
         elements: that are to be verified.
         play: that tells; None where nothing does.
         why: what is wrong with playing the combination itself; "" where that tells.
+        add: an element that would tell, as a scene has it, where none does; "" if none is known.
     """
 
     elements: Combination
     play: Play | None
     why: str
+    add: str = ""
 
     def words(self, motion: str) -> str:
         """One or two sentences, for a "linear" or "rotary" axis."""
         name = combination_in_words(self.elements)
         if self.play is None:
-            return f"{name} cannot be verified: {self.why}; no other element tells its delay either"
+            said = f"{name} cannot be verified: {self.why}; no other element tells its delay either"
+            return said + (
+                f": add `{self.add}`, which pulls too, to the scene, told apart from every wall, "
+                "tune again and ask once more"
+                if self.add
+                else ""
+            )
         if not self.why:
             return self.play.words(motion)
         return (
@@ -427,11 +435,13 @@ def advise(
     refuse_unbalanced(profile.device)
     every = combinations_of(profile, None)
     targets = every if targets is None else targets
-    # A spring tells a delay best.
+    # A spring tells a delay best, unless it never pulls.
     singles = sorted(
         (each for each in every if len(each) == 1),
-        key=lambda each: -profile.elements[each[0]].stiffness,
+        key=lambda each: (each[0] in profile.walls, -profile.elements[each[0]].stiffness),
     )
+    walls = [each for each in singles if each[0] in profile.walls][:_MOST_OTHERS]
+    pulling = _pulling(profile)
     allowed = cache(partial(_allowed_loops, profile))
     found: list[Advice] = []
     for number, target in enumerate(targets, 1):
@@ -442,8 +452,23 @@ def advise(
         if play is None:
             others = [each for each in singles if each != target][:_MOST_OTHERS]
             play, _ = _least_play(profile, others, target, allowed)
-        found.append(Advice(elements=target, play=play, why=why))
+        added = None if play else _least_play(pulling, walls, target, allowed)[0]
+        add = "" if added is None else _as_in_a_scene(effects_of(profile, added.elements))
+        found.append(Advice(elements=target, play=play, why=why, add=add))
     return tuple(found)
+
+
+def _pulling(profile: Design) -> Design:
+    """A profile whose walls pull too."""
+    elements = profile.elements.items()
+    pulling = {name: each.model_copy(update={"one_sided": False}) for name, each in elements}
+    return profile.model_copy(update={"elements": pulling})
+
+
+def _as_in_a_scene(effects: Effects) -> str:
+    named = zip(EFFECT_NAMES, effects.arrays(), strict=True)
+    sizes = (f"{name}: {float(size):.4g}" for name, size in named if size is not None)
+    return f"spring: {{{', '.join(sizes)}}}"
 
 
 def _least_play(

@@ -67,17 +67,15 @@ _MOST_SAMPLES = 10
 #: A sensitivity of the decay is read off over this part of the damping.
 _NUDGE = 0.01
 
-_STILL = (
-    "the handle does not move by more than noise and a few counts while the force is neither at "
-    "its limit nor zero outside of a one-sided wall"
-)
+_STILL = "the handle does not move by more than noise and a few counts"
+_LEFT = "the handle leaves a one-sided wall, or the force its limit, before a swing could be seen"
 _ONE_TURN = "the handle comes to rest within a swing, which does not tell decay from friction"
 #: What helps where the log cannot tell.
 _STRAIGHTER = "Hold the other axes, or let go in a principal direction of the mass."
 _HANDS_OFF = "Take the hand off, and state with --release when; or cut the log to the free motion."
 _LOUDER = (
     "Release the handle from further away, without a spring push it faster, hand off, or play an "
-    "element with a spring."
+    "element with a spring on both sides."
 )
 
 
@@ -247,10 +245,11 @@ def judge_motion(
         return _growing(release, prediction)
     if prediction.obstacle is not None:
         return _unassessed(prediction, prediction.obstacle)
+    still = _STILL
     if release is not None and not np.all(used[release.first : release.end]):
-        last = int(np.flatnonzero(~used[first:])[-1])
+        last, still = int(np.flatnonzero(~used[first:])[-1]), _LEFT
         release = find_release(position, first + last + 1)
-    hindrance = _STILL if release is None else _ONE_TURN if len(release.turns) == 1 else ""
+    hindrance = still if release is None else _ONE_TURN if len(release.turns) == 1 else ""
     remedy = _LOUDER
     if bent > _MOST_BENT:
         hindrance, remedy = f"{bent:.0%} of the motion goes across", _STRAIGHTER
@@ -537,6 +536,8 @@ def plan_play(profile: Design, combination: Combination, gain: float) -> tuple[P
                 f"{speed:g}, if a hand reaches it, and tune again"
             )
             return None, f"at gain {gain:g} {push.too_slow}{remedy if push.ample else ''}"
+    elif profile.walls.intersection(combination):
+        return None, "it lets go of the handle before a swing could be seen, for it never pulls"
     else:
         usual = DEFAULT_MOTION[profile.device.motion].penetration or 0.0
         deep = max(motion.penetration or usual for motion in motions)

@@ -1055,6 +1055,13 @@ FAULTS: tuple[Fault, ...] = (
         tests="tests/test_letting_go.py",
     ),
     Fault(
+        name="friction is felt",
+        file="tune/judging.py",
+        old="steps=_signed_steps(scale, after - before)",
+        new="steps=0.0",
+        tests="tests/test_audit.py -k friction_is_felt",
+    ),
+    Fault(
         name="gains like a wall keep its lead",
         file="tune/judging.py",
         old="met.lead > lead * (1 + _ROUNDED)",

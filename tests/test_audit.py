@@ -317,6 +317,21 @@ def test_what_one_file_alone_states_is_a_change() -> None:
     assert found.holds is None
 
 
+def test_friction_is_felt_and_another_device_or_axis_is_named(here: Path) -> None:
+    old = _device(coulomb_friction=0.8)
+    for friction, steps in ((0.95, 0.73), (6.0, 8.5), (0.0, -6.92)):
+        felt = {each.name: each for each in compare(old, _device(coulomb_friction=friction)).felt}
+        # Steps of 26.7 % above 0.1 N/log(1.267) = 0.4225 N, of 0.1 N below.
+        assert felt["coulomb_friction"].steps == pytest.approx(steps, rel=0.02)
+    other = _device(coulomb_friction=6.0, axis="y", serial="S-2")
+    for name, each in (("old.yaml", old), ("new.yaml", other)):
+        Path(name).write_text(to_yaml(to_mapping(each)), encoding="utf-8")
+    ended = haptune("compare", "old.yaml", "new.yaml")
+    assert "feels different: coulomb friction 0.8 → 6 N (+8.5 steps)" in ended.out
+    assert "not called the same: axis x → y" in ended.out
+    assert "not called" not in haptune("compare", "old.yaml", "old.yaml").out
+
+
 def test_a_profile_holds_on_its_own_device_and_on_a_better_one(profile: SafeProfile) -> None:
     for device in (profile.device, _device(delay=0.0), _device(damping=11.0)):
         found = compare(profile, device)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import identification as ident
-from identification import Device
+from identification import Device, UsageError
 from tests.commands import haptune
 from tune import Comparison, compare
 
@@ -75,7 +75,17 @@ def test_a_mirrored_axis_is_told_of_its_couplings() -> None:
 
 def test_friction_is_compared_by_axis() -> None:
     new = device([[2.0, 0.6], [0.6, 4.0]], [[8.0, -2.0], [-2.0, 14.0]], (0.9, 0.5))
-    assert beyond(compare(OLD, new)) == {"coulomb_friction_x", "coulomb_friction_y"}
+    found = compare(OLD, new)
+    assert beyond(found) == {"coulomb_friction_x", "coulomb_friction_y"}
+    assert {each.name for each in found.felt if each.differs} == beyond(found)
+
+
+@pytest.mark.parametrize("other", [ident.load_device("homerehab"), "uv"])
+def test_devices_of_unlike_axes_are_refused(other: Device | str) -> None:
+    matrices = [[2.0, 0.6], [0.6, 4.0]], [[8.0, -2.0], [-2.0, 14.0]]
+    new = device(*matrices, (0.5, 0.9), axes=other) if isinstance(other, str) else other
+    with pytest.raises(UsageError, match=r"the old device has x, y, the new one (one axis|u, v)"):
+        compare(OLD, new)
 
 
 def test_axes_in_another_order_are_compared_by_name() -> None:

@@ -355,6 +355,8 @@ def _nearest(task: DesignTask, filters: Filters, cut: frozenset[str]) -> Effects
     return problem.effects(problem.combinations[0], np.where(sizes > _MORE * lows, sizes, 0.0))
 
 
+#: What a file calls a device.
+_NAMEPLATE = "name", "axis", "serial"
 #: How closely the gain that is kept is found, as part of the margin.
 _STEP = 0.01
 
@@ -384,7 +386,8 @@ class Comparison(Tabular):
         gain: margin that the old profile keeps there, as proved, with the extra delay of its
             margin; None without an old profile, or where forces or ripple are what fails.
         judged: whether there was an old profile to judge.
-        felt: of the device's own mass and damping, and of every effect.
+        felt: of the device's own mass, damping and friction, and of every effect.
+        renamed: name, axis and serial number that are not the same, as "axis x → y".
     """
 
     kind: str
@@ -394,6 +397,7 @@ class Comparison(Tabular):
     gain: float | None = None
     judged: bool = False
     felt: tuple[Felt, ...] = ()
+    renamed: tuple[str, ...] = ()
 
     def _rows(self) -> list[dict[str, object]]:
         steps = {felt.name: felt.steps for felt in self.felt}
@@ -421,19 +425,31 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     An old profile is proved anew over the box of the new device, with its own margin.
 
     Raises:
-        UsageError: an old device with a new profile, or axes of different motion.
+        UsageError: an old device with a new profile, axes of different motion, or other axes.
         UnstatedError: facts of the new device that a person has to state before it is judged.
     """
     before, after = (each if isinstance(each, Device) else each.device for each in (old, new))
     if before.motion != after.motion:
         seen = f"the old axis is {before.motion}, the new one {after.motion}"
         raise UsageError("OLD NEW", seen, "Compare files of one motion")
+    old_axes, new_axes = (sorted(each.axes or ()) for each in (before, after))
+    if old_axes != new_axes:
+        known = [", ".join(axes) or "one axis" for axes in (old_axes, new_axes)]
+        seen = f"the old device has {known[0]}, the new one {known[1]}"
+        raise UsageError("OLD NEW", seen, "Compare files of the same axes")
     changes = changes_of(before, after)
+    told = {key: [getattr(each, key) for each in (before, after)] for key in _NAMEPLATE}
+    renamed = tuple(
+        f"{key} {one} → {other}"
+        for key, (one, other) in told.items()
+        if one and other and one != other
+    )
     if isinstance(old, Device):
         if isinstance(new, SafeProfile):
             seen = "the old file is a device, the new one a profile"
             raise UsageError("OLD NEW", seen, "Swap them")
-        return Comparison(kind="devices", changes=changes, felt=tuple(_felt(old, after)))
+        felt = tuple(_felt(old, after))
+        return Comparison(kind="devices", changes=changes, felt=felt, renamed=renamed)
     failures: tuple[str, ...] = ()
     gain = old.margin.gain
     after.require_stated()
@@ -452,6 +468,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         gain=gain,
         judged=True,
         felt=(*_felt(before, after), *(_felt_effects(old, new) if both else ())),
+        renamed=renamed,
     )
 
 
@@ -467,6 +484,28 @@ def _felt(old: Device, new: Device) -> Iterator[Felt]:
             scale = Scale.of(effect, old, table, motion)
             more: float = getattr(new, effect).value - getattr(old, effect).value
             yield Felt(name=effect, steps=_signed_steps(scale, more))
+    # Friction resists as damping does at one speed: as finely is its force told.
+    weber, floor = table.fraction("damping").value, table.threshold(old.motion)
+    for name, before, after in _frictions(old, new):
+        scale = Scale(reference=before, weber=weber, floor=floor)
+        yield Felt(name=name, steps=_signed_steps(scale, after - before))
+
+
+def _frictions(old: Device, new: Device) -> Iterator[tuple[str, float, float]]:
+    """Coulomb friction, old and new, of each axis; of several poses of the first."""
+    if old.axes is None:
+        yield "coulomb_friction", old.coulomb_friction.value, new.coulomb_friction.value
+        return
+    tables = [device.by_axis() for device in (old, new)]
+    for name in (f"coulomb_friction_{axis}" for axis in sorted(old.axes)):
+        before, after = (table[name][0].value for table in tables)
+        yield _first_pose(old, new) + name, before, after
+
+
+def _first_pose(old: Device, new: Device) -> str:
+    """What entries of the first pose begin with, where both have as many, and several."""
+    counts = {len(device.poses or ()) for device in (old, new)}
+    return "pose_1." if len(counts) == 1 and counts != {1} else ""
 
 
 def _felt_entries(effect: str, old: Device, new: Device) -> Iterator[tuple[str, Device, float]]:
@@ -476,14 +515,16 @@ def _felt_entries(effect: str, old: Device, new: Device) -> Iterator[tuple[str, 
     """
     axes = old.axes or ()
     tables = [device.by_axis() for device in (old, new)]
-    counts = {len(device.poses or ()) for device in (old, new)}
-    first = "pose_1." if len(counts) == 1 and counts != {1} else ""
     for one, other in combinations_with_replacement(sorted(axes), 2):
         name = f"{effect}_{one}_{other}"
         if name in tables[1]:
             unit = np.array([float(axis in {one, other}) for axis in axes])
             before, after = (table[name][0].value for table in tables)
-            yield first + name, old.along((unit / np.linalg.norm(unit)).tolist()), after - before
+            yield (
+                _first_pose(old, new) + name,
+                old.along((unit / np.linalg.norm(unit)).tolist()),
+                after - before,
+            )
 
 
 def _felt_effects(old: Design, new: Design) -> Iterator[Felt]:

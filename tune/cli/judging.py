@@ -356,6 +356,7 @@ def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str
     lines.append(f"feels {'different: ' + ', '.join(told) if told else 'the same: no step apart'}")
     beyond = ", ".join(_plain(change.name) for change in found.changes if change.beyond)
     changed = f"changed beyond both 95 % intervals: {beyond}"
+    lines += [f"not called the same: {', '.join(found.renamed)}"] if found.renamed else []
     return [*lines, changed if beyond else "nothing of the device changed beyond both intervals"]
 
 
@@ -443,6 +444,7 @@ def _comparison_details(found: Comparison) -> dict[str, object]:
         "changes": plain(found.changes),
         "effects": plain(found.effects),
         "felt": [{**asdict(each), "differs": each.differs} for each in found.felt],
+        "renamed": found.renamed,
         "holds": found.holds,
         "gain": found.gain,
     }

@@ -219,6 +219,7 @@ class CompareDetails(Details, total=False):
     changes: list[dict[str, Any]]
     effects: list[dict[str, Any]]
     felt: list[dict[str, Any]]
+    renamed: list[str]
     holds: bool | None
     gain: float | None
 

@@ -534,14 +534,21 @@ FAULTS: tuple[Fault, ...] = (
         f"{_EDGES} -k every_false_word",
         (
             "a limit that does not bind",
-            'if word not in {"wanted", "range"} and',
-            "if not word and",
+            "if not believed and getattr(element, effect):",
+            "if not word:",
         ),
         (
             "notes beyond what was wanted",
             "if len(design.notes) != len(dropped)",
             "if len(design.notes) < len(dropped)",
         ),
+    ),
+    Fault(
+        name="a limit by stability that no rehearsal took",
+        file="tune/certificate/check.py",
+        old="{label for label in labels if note_of_rehearsal(label) in design.notes}",
+        new="labels if design.notes is not None else set()",
+        tests="tests/test_rehearse.py -k less_is_asked",
     ),
     *_of(
         "tune/optimisation/solve.py",

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import Calls, Controller, Rehearsal, Rig, VirtualElement, rehearse
-from identification import ForceLimit, SlopeRange, as_stored, load_device, load_mapping, quantity
+from identification import ForceLimit, SlopeRange, as_stored, load_device, quantity
 from tests.commands import haptune
 from tests.entered_scenes import made
 from tests.exported import FADE, tuned
-from tune import SafeProfile, Scene, optimise
+from tune import CheckFailedError, SafeProfile, Scene, check, load_profile, optimise
 from tune.cli.preparation import RestlessError, refuse_restless
 
 
@@ -148,8 +148,17 @@ def test_less_is_asked_for_of_what_does_not_settle(tmp_path: Path) -> None:
             ended = haptune("tune", "homerehab", str(scene), "-o", str(path))
         assert ended.code == 0
         assert ("shakes; tuned again with less of it" in ended.err) == (answers[0] is shakes)
-        found.append(load_mapping(path)["elements"]["water"]["damping"])
+        profile = load_profile(path)
+        found.append(profile.elements["water"].damping)
+        assert check(path).profile.digest == profile.digest
     assert found[1] == pytest.approx(0.7 * found[0])
+    assert profile.elements["water"].limited_by == {"damping": "stability"}
+    (note,) = profile.notes
+    assert note.startswith("rehearsal: water.damping is less than other limits allow, so that it")
+    silent = profile.model_copy(update={"notes": ()}).signed()
+    Path(path).write_text(silent.to_yaml(), encoding="utf-8")
+    with pytest.raises(CheckFailedError, match="limited by stability, which would allow 10% more"):
+        check(path)
 
 
 def test_a_device_without_an_effect_beside_another_is_tuned() -> None:

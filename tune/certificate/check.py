@@ -66,9 +66,9 @@ TAKEN_ON_TRUST = {
 _MULTIPLIERS = "which multipliers; that these prove what they are stated for is done again"
 #: What a check leaves as it is said: a wish that nobody else knows, or what is no claim.
 OPINIONS = {
-    "elements.*.limited_by": "that a value or range was wanted, or no limit is met in the range "
-    "looked in; that every other limit said to bind allows no tenth more is recomputed, of the "
-    "proof of a wall, for which elements leave room, not twice as much",
+    "elements.*.limited_by": "that a value or range was wanted, no limit is met in the range "
+    "looked in, or the rehearsal took more; that every other limit said to bind allows no tenth "
+    "more is recomputed, of the proof of a wall, for which elements leave room, not twice as much",
     "elements.*.margins.gain": "that no more could be proved",
     "elements.*.margins.extra_delay_samples": "that no more could be proved",
     "notes": "why effects were dropped; which ones is recomputed",
@@ -303,8 +303,25 @@ def _element_failures(design: Design, name: str) -> Iterator[str]:
     yield from jitter_failures(design, name)
     element = design.elements[name]
     for effect, word in element.limited_by.items():
-        if word not in {"wanted", "range"} and getattr(element, effect):
+        believed = word in {"wanted", "range"} or f"{name}.{effect}" in _unsettled(design)
+        if not believed and getattr(element, effect):
             yield from _wrong_limit(design, name, effect)
+
+
+def note_of_rehearsal(label: str) -> str:
+    """The note about an effect that stability limits in simulation alone, by its label."""
+    return f"rehearsal: {label} is less than other limits allow, so that it settles in simulation"
+
+
+def _unsettled(design: Design) -> set[str]:
+    """What is said to be limited by stability, as more of it did not settle in simulation."""
+    labels = {
+        f"{name}.{effect}"
+        for name, element in design.elements.items()
+        for effect, word in element.limited_by.items()
+        if word == "stability"
+    }
+    return {label for label in labels if note_of_rehearsal(label) in design.notes}
 
 
 def _wrong_keys(name: str, element: ElementProfile) -> Iterator[str]:
@@ -545,10 +562,12 @@ def _wrong_notes(design: Design) -> Iterator[str]:
     ]
     less = [words for words in begun if any(note.startswith(words) for note in design.notes)]
     pairs = [pair for pair in design.apart if note_of_apart(pair) in design.notes]
-    if len(design.notes) != len(dropped) + len(less) + len(pairs):
+    restless = _unsettled(design)
+    if len(design.notes) != len(dropped) + len(less) + len(pairs) + len(restless):
         yield (
             f"notes: {len(design.notes)} of them, {len(dropped)} effects were dropped, {len(less)} "
-            f"are less than was wanted and {len(pairs)} pairs kept apart"
+            f"are less than was wanted, {len(restless)} less than rehearsed and {len(pairs)} pairs "
+            "kept apart"
         )
 
 

@@ -255,7 +255,24 @@ def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> 
         raise AssertionError("the last attempt ends or raises")
     for sentence in restless:
         session.warn(f"{sentence.removesuffix('.')}; tuned again with less of it")
-    return profile
+    return _naming_rehearsal(profile, wish.scene, scene) if restless else profile
+
+
+def _naming_rehearsal(profile: SafeProfile, asked: Scene, less: Scene) -> SafeProfile:
+    """A profile that says where it ends because more did not settle: stability, and a note."""
+    from tune.certificate.check import note_of_rehearsal
+
+    elements, notes = {**profile.elements}, list(profile.notes)
+    for name, element in profile.elements.items():
+        ends = [scene.elements[name].wishes() for scene in (asked, less)]
+        words = {**element.limited_by}
+        for effect, word in element.limited_by.items():
+            if word == "range" and ends[0][effect] != ends[1][effect]:
+                words[effect] = "stability"
+                notes.append(note_of_rehearsal(f"{name}.{effect}"))
+        elements[name] = element.model_copy(update={"limited_by": words})
+    told = profile.model_copy(update={"elements": elements, "notes": tuple(notes)})
+    return ident.as_stored(told).signed()
 
 
 def _with_less(

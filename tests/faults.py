@@ -1069,6 +1069,13 @@ FAULTS: tuple[Fault, ...] = (
         tests="tests/test_audit.py -k friction_is_felt",
     ),
     Fault(
+        name="no delay of the device is taken away",
+        file="tune/judging.py",
+        old="if not extra_delay_samples >= 0:",
+        new="if not extra_delay_samples >= -1:",
+        tests="tests/test_cli_exits.py -k 'take and away'",
+    ),
+    Fault(
         name="gains like a wall keep its lead",
         file="tune/judging.py",
         old="met.lead > lead * (1 + _ROUNDED)",

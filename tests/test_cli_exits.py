@@ -40,7 +40,7 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (2, "all are zero", "audit homerehab"),
     (2, "-3 is never stable", "audit homerehab --stiffness -3"),
     (2, "nan is no finite number", "audit homerehab --damping nan"),
-    (2, "less than no delay", "audit homerehab --damping 9 --extra-delay-samples -2"),
+    (2, "-0.5 would take away from", "audit homerehab --damping 9 --extra-delay-samples -0.5"),
     (2, "there is no folder absent", "open absent"),
     (3, "cannot be read", "fleet absent.csv --scene scene.yaml -o many"),
     (3, "is not UTF-8", "fleet utf16.csv --scene scene.yaml -o many"),

@@ -179,8 +179,12 @@ def audit(
         UnstatedError: motion, sample time or delay that a person has to state.
         LoopError: a delay that cannot be judged.
         InvalidInputError: values no scene can hold.
+        UsageError: an extra delay that takes some of the device's own away.
     """
     device.require_stated(NEEDED)
+    if not extra_delay_samples >= 0:
+        seen = f"{extra_delay_samples:g} would take away from the delay of the device"
+        raise UsageError("--extra-delay-samples", seen, "Give 0 or more, or correct the device")
     filters = filters or Filters()
     later = to_mapping(_as_judged(device, extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")

@@ -94,10 +94,6 @@ def audit_command(
     filters = _filters(*given, Filters() if model is None else filters_of(model[0].loop))
     known = ident.load_device(device)
     known.require_stated(NEEDED, subject=device, where=IN_DEVICE)
-    if extra_delay_samples * known.sample_time.value + known.delay.low < 0:
-        seen = f"{extra_delay_samples:g} leaves less than no delay"
-        least = f"Give {-known.delay.low / known.sample_time.value:g} or more"
-        raise UsageError("--extra-delay-samples", seen, least)
     with session.progress("judging the gains"):
         found = audit(
             known,

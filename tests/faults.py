@@ -1076,6 +1076,13 @@ FAULTS: tuple[Fault, ...] = (
         tests="tests/test_cli_exits.py -k 'take and away'",
     ),
     Fault(
+        name="no lines in the name of a node",
+        file="tune/exporters/__init__.py",
+        old="    refuse_strange_node(node)\n",
+        new="",
+        tests="tests/test_ros2.py -k no_node_can_have",
+    ),
+    Fault(
         name="gains like a wall keep its lead",
         file="tune/judging.py",
         old="met.lead > lead * (1 + _ROUNDED)",

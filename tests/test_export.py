@@ -10,13 +10,13 @@ import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from identification import InvalidInputError, UnstatedError, to_mapping, to_yaml
+from identification import InvalidInputError, UnstatedError, UsageError, to_mapping, to_yaml
 from tests.commands import digest_of, files, haptune
 from tests.exported import FADE, LOOPS, changed, on_axes, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
@@ -34,6 +34,12 @@ HOSTILE = (
     ("x" * 5000, "x" * 5000 + "y", "x" * 39 + "_z"),
     ("$tag", "${heading}", "%s\x00\u2028😀"),
 )
+
+
+def test_what_nothing_is_exported_to_is_refused() -> None:
+    for target in ("unity", ["c", "json"]):
+        with pytest.raises(UsageError, match=r"is no target\. Choose from ros2, c, chai3d, json"):
+            export(tuned(), cast("Target", target))
 
 
 @pytest.mark.parametrize(

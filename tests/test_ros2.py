@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from identification import UsageError
 from tests.commands import haptune
 from tests.exported import LOOPS, STEP, on_axes, tuned, walled
 from tests.guard import STATUS, Guard, built, enter, module_of, parameters_of, push, write
@@ -311,7 +312,7 @@ def test_the_node_of_axes_plays_faces_and_elements(
     assert (ros.sent[-1][1], ros.others[-1]) == (0.0, [0.0])
 
 
-@pytest.mark.parametrize("name", ["9x", "a-b", "/robot//x", "robot/x", ""])
+@pytest.mark.parametrize("name", ["9x", "a-b", "/robot//x", "robot/x", "", "9 bad\nfoo: {}"])
 def test_a_name_that_no_node_can_have_is_refused(here: Path, name: str) -> None:
     Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
     ended = haptune("export", "profile.yaml", "--to", "ros2", "--node", name)
@@ -319,6 +320,8 @@ def test_a_name_that_no_node_can_have_is_refused(here: Path, name: str) -> None:
     assert "is no name of a node" in ended.err
     ended = haptune("export", "profile.yaml", "--to", "c", "--node", "haptune")
     assert (ended.code, "names a node of ROS 2" in ended.err) == (2, True)
+    with pytest.raises(UsageError, match="is no name of a node"):
+        export(tuned(), "ros2", node=name)
 
 
 #: ns, one period.

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 from typer import Argument, Option
 
@@ -399,10 +399,6 @@ def draw_profile(
         session.draw(picture, lambda: profile_sheet(profile, verdict))
 
 
-#: A node's name, or all of it from the root.
-_NODE = re.compile(r"[A-Za-z_]\w*|(/[A-Za-z_]\w*)+", re.ASCII)
-
-
 @command()
 def export_command(
     session: Session,
@@ -489,26 +485,24 @@ def _refuse_missing_folder(folder: Path) -> None:
 
 def _node(given: str | None, targets: list[Target]) -> str:
     """The name of the node. Raises UsageError."""
+    from tune.exporters import refuse_strange_node
+
     if given is None:
         return "haptune"
     if "ros2" not in targets:
         raise UsageError("--node", "names a node of ROS 2", "Give --to ros2, or leave it out")
-    if not _NODE.fullmatch(given):
-        remedy = "Give letters, digits and _, none beginning with a digit, namespaces before it as "
-        raise UsageError("--node", f"{given!r} is no name of a node", remedy + "in /robot/haptune")
+    refuse_strange_node(given)
     return given
 
 
 def _targets(given: list[str]) -> list[Target]:
     """The targets of every --to, each once. Raises UsageError."""
-    from tune.exporters import TARGETS
+    from tune.exporters import refuse_strange_target
 
     names = dict.fromkeys(name.strip() for each in given for name in each.split(","))
-    known: dict[str, Target] = {target: target for target in TARGETS}
     for name in names:
-        if name not in known:
-            raise UsageError("--to", f"{name!r} is no target", f"Choose from {', '.join(TARGETS)}")
-    return [known[name] for name in names]
+        refuse_strange_target(name)
+    return [cast("Target", name) for name in names]
 
 
 @command()

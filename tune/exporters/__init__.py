@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.resources import files
@@ -15,7 +16,7 @@ from typing import Any, Literal, NotRequired, cast, get_args
 # pydantic reads this one on every Python; it is part of what pydantic itself needs.
 from typing_extensions import TypedDict
 
-from identification import InvalidInputError, to_mapping
+from identification import InvalidInputError, UsageError, to_mapping
 from tune.documents.estimators import Derivative, Estimator, filter_of
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile, signed_content
 from tune.documents.scene import EffectName
@@ -37,7 +38,14 @@ from tune.exporters.law import (
     unit_of_force,
 )
 
-__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "export"]
+__all__ = [
+    "NOT_A_SAFETY_FUNCTION",
+    "TARGETS",
+    "Target",
+    "export",
+    "refuse_strange_node",
+    "refuse_strange_target",
+]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)
@@ -503,6 +511,23 @@ def _scalar(value: float | str | list[str]) -> str:
     return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
+#: A node's name, or all of it from the root.
+_NODE = re.compile(r"[A-Za-z_]\w*|(/[A-Za-z_]\w*)+", re.ASCII)
+
+
+def refuse_strange_node(node: str) -> None:
+    """Raise UsageError for what ROS 2 takes for no name of a node."""
+    if not _NODE.fullmatch(node):
+        remedy = "Give letters, digits and _, none beginning with a digit, namespaces before it as "
+        raise UsageError("--node", f"{node!r} is no name of a node", remedy + "in /robot/haptune")
+
+
+def refuse_strange_target(target: str) -> None:
+    """Raise UsageError for what nothing is exported to."""
+    if target not in TARGETS:
+        raise UsageError("--to", f"{target!r} is no target", f"Choose from {', '.join(TARGETS)}")
+
+
 _WRITERS: dict[Target, Callable[[SafeProfile], dict[str, str]]] = {
     "c": _c_files,
     "chai3d": _chai3d_files,
@@ -523,7 +548,10 @@ def export(profile: SafeProfile, target: Target, *, node: str = "haptune") -> di
         UnstatedError: facts of the device that nobody stated.
         InvalidInputError: the profile does not fit the target, or does not say how what must not be
             switched fades.
+        UsageError: no such target, no name of a node.
     """
+    refuse_strange_target(target)
+    refuse_strange_node(node)
     signed_content(to_mapping(profile), f"the profile of {profile.scene}")
     profile.device.require_stated()
     for element in profile.elements.values():

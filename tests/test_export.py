@@ -10,7 +10,7 @@ import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import pytest
@@ -337,6 +337,21 @@ def test_a_refusal_has_its_code_and_writes_nothing(
     assert words.lower() in ended.err.lower()
     assert ended.result["outputs"] == []
     assert {path: path.stat().st_mtime_ns for path in here.rglob("*")} == before
+
+
+def test_a_full_disk_leaves_no_folder_that_was_made(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> NoReturn:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    Path("mine").mkdir()
+    before = set(here.rglob("*"))
+    for folder in ("mine", "new"):
+        ended = haptune("export", "profile.yaml", "--to", "c,ros2", "-o", folder)
+        assert (ended.code, "No space" in ended.err) == (7, True)
+        assert set(here.rglob("*")) == before
 
 
 def test_a_folder_is_made_where_its_parent_stands_and_used_again(here: Path) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Collection, Generator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -432,15 +432,17 @@ def export_command(
         texts = export(checked, target, node=called)
         folder = output / _PACKAGE if target == "ros2" else output
         files |= {folder / name: text for name, text in texts.items()}
-    if not dry_run:  # what is refused in the folder itself leaves none made in it
-        for folder in dict.fromkeys((output, *(path.parent for path in files))):
+    with _unmade_on_failure() as made:
+        # What is refused in the folder itself leaves none made in it.
+        for folder in () if dry_run else dict.fromkeys((output, *(path.parent for path in files))):
+            made.extend(() if os.path.isdir(folder) else (folder,))  # noqa: PTH112
             try:
                 folder.mkdir(exist_ok=True)
             except OSError as error:
                 raise NotWrittenError(folder, error.strerror or str(error)) from None
             for path in (each for each in files if each.parent == folder):
                 session.target(path, profile)
-    session.write_together(files, dry_run=dry_run)
+        session.write_together(files, dry_run=dry_run)
     if checked.device.axes is not None:
         axes = ", ".join(checked.device.axes)
         session.say(
@@ -458,6 +460,19 @@ def export_command(
             f"{path} is of another profile and works with none of these files: export it again "
             "from this one, or remove it"
         )
+
+
+@contextmanager
+def _unmade_on_failure() -> Generator[list[Path]]:
+    """A list of folders that are made, which are gone again where what is done in them fails."""
+    made: list[Path] = []
+    try:
+        yield made
+    except BaseException:
+        for folder in reversed(made):
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def _of_other_profiles(folder: Path, written: set[Path], sealed: str) -> list[Path]:

@@ -17,8 +17,8 @@ from identification.device.device import (
     LogRecord,
     SlopeRange,
 )
-from identification.device.hardware import Hardware
-from identification.device.quantities import Quantity, Tabular, quantity
+from identification.device.hardware import Hardware, held_modes
+from identification.device.quantities import Quantity, Tabular, quantity, widest
 from identification.documents import as_stored, complaints
 from identification.errors import (
     Finding,
@@ -288,8 +288,8 @@ def _device_from(
         coulomb_friction=_envelope(fits, "coulomb_friction"),
         force_offset=_envelope(fits, "force_offset"),
         force_limit=hardware.force_limit or facts.force_limit(),
-        modes=hardware.modes or tuple(each.mode for each in beside if each.mode is not None)[:1],
-        current_lag=hardware.current_lag or _widest([each.current_lag for each in beside]),
+        modes=held_modes(hardware.modes, [each.mode for each in beside if each.mode is not None]),
+        current_lag=widest(hardware.current_lag, [each.current_lag for each in beside]),
         covariance=_covariance(fits),
         damping_slope=_hull_of(fits, "slope"),
         presliding_stiffness=_hull_of(fits, "presliding"),
@@ -303,16 +303,6 @@ def _device_from(
         if weights
         else None,
     )
-
-
-def _widest(found: Sequence[Quantity | None]) -> Quantity | None:
-    """The hull of several intervals about their mean; None if there is none."""
-    known = [each for each in found if each is not None]
-    if not known:
-        return None
-    value = float(np.mean([each.value for each in known]))
-    low, high = min(each.low for each in known), max(each.high for each in known)
-    return quantity(value, low, high, source="log")
 
 
 def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:

@@ -1135,6 +1135,22 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_dynamics.py -k mains",
         ("a mode whose damping is told", "if ringing or NORMAL_95**2", "if 0 * NORMAL_95**2"),
     ),
+    *_of(
+        "identification/device/hardware.py",
+        "tests/test_dynamics.py -k stated_mode",
+        ("a mode of the log beside those stated", "held.append(seen)", "pass"),
+        ("the larger share of a mode", "if seen.at_encoder > abs", "if 0 > abs"),
+    ),
+    *_of(
+        "identification/fitting/stated_lag.py",
+        "tests/test_dynamics.py -k stated_lag",
+        ("a stated lag against the log", "if apart <= WRONG_DELAY", "if 1 or apart <= WRONG_DELAY"),
+    ),
+    *_of(
+        "identification/device/quantities.py",
+        "tests/test_dynamics.py -k stated_lag",
+        ("a lag of the log beside the one stated", '{"low": low, "high": high})', '{"low": low})'),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

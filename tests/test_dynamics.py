@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,47 @@ def test_a_lag_of_the_drive_is_measured_and_carried() -> None:
     assert stated.device.current_lag.value == pytest.approx(truth)
 
 
+@pytest.mark.parametrize("stated", [0.002, 0.02])
+def test_a_stated_lag_that_the_log_contradicts_is_held_beside_that_of_the_log(
+    stated: float,
+) -> None:
+    found, truth = found_in("drive-lag", "severe", current_lag=stated), 1 / (2 * np.pi * 20.0)
+    (said,) = [each for each in found.findings if each.code == "drive-lag"]
+    lag = found.device.current_lag
+    assert lag is not None
+    assert lag.low <= min(stated, 1.01 * truth)
+    assert max(stated, 0.99 * truth) <= lag.high
+    assert f"the hardware states {stated * 1e3:g} ms" in said.seen
+    assert f"{lag.low * 1e3:.3g} to {lag.high * 1e3:.3g} ms, and all of it" in said.remedy
+    assert abs(found.device.mass.value - 3.0) < 0.01
+
+
+@pytest.mark.parametrize("lags", [True, False])
+def test_a_stated_lag_is_given_to_the_fit_and_held_against_a_log_without_one(lags: bool) -> None:
+    step, lag, fine = 1e-3, 0.005, 8
+    generator = np.random.default_rng(4)
+    held = generator.integers(50, 300, 60)
+    force = np.repeat(5 * generator.uniform(-1, 1, held.size), held)[:3000]
+    late = np.repeat(np.append(0.0, force[:-1]), fine)
+    if lags:
+        kept = 1 - np.exp(-step / fine / lag)
+        late = np.array([*accumulate(late, lambda level, sent: level + kept * (sent - level))])
+        late[1:] = (late[1:] + late[:-1]) / 2  # the mean of each fine step
+    axis = Axis(mass=3.0, damping=10.0, sample_time=step / fine)
+    place = counted(positions(axis, late[:, None])[::fine, 0], 6e-6)
+    time = step * np.arange(force.size, dtype=np.float64)
+    log = Trajectory(time=time, force=force, position=place)
+    known = {"motion": "linear", "delay": step, "current_lag": lag}
+    found = identify(log, hardware=Hardware.model_validate(known))
+    assert codes_of(found) - {"not-stated"} == (set() if lags else {"drive-lag"})
+    assert found.device.current_lag is not None
+    assert found.device.current_lag.low == pytest.approx(lag if lags else 1e-6)
+    assert found.device.current_lag.high == lag
+    assert found.device.mass.low <= 3.0 <= found.device.mass.high
+    assert found.device.damping.low <= 10.0 <= found.device.damping.high
+    assert found.device.delay.exact
+
+
 def test_a_mode_is_measured_and_carried() -> None:
     found = found_in("vibration-mode", "severe")
     (mode,) = found.device.modes
@@ -50,6 +92,20 @@ def test_a_mode_is_measured_and_carried() -> None:
     assert abs(mode.damping_ratio.value - 0.02) < 0.005
     assert abs(mode.at_encoder - np.sqrt(0.9 / 2.1)) < 0.02
     assert abs(found.device.mass.value - 3.0) < 0.01
+
+
+@pytest.mark.parametrize(("hertz", "part"), [(11.0, 0.65), (11.0, 0.1), (80.0, 0.65)])
+def test_a_stated_mode_is_held_beside_that_of_the_log(hertz: float, part: float) -> None:
+    mode = {"frequency_hz": hertz, "damping_ratio": 0.02, "at_encoder": part}
+    case = next(each for each in cases(1, {"vibration-mode"}) if each.level == "severe")
+    hardware = Hardware.model_validate({"motion": "linear", "delay": 0.001, "modes": [mode]})
+    found = identify(case.log.trajectory(), hardware=hardware)
+    near = [each for each in found.device.modes if abs(each.frequency_hz.value - 11.0) < 0.1]
+    assert len(near) == 1
+    assert abs(near[0].at_encoder - np.sqrt(0.9 / 2.1)) < 0.02
+    assert near[0].damping_ratio.low < 0.02 < near[0].damping_ratio.high
+    assert hertz in {each.frequency_hz.value for each in found.device.modes}
+    assert ("vibration-mode" in codes_of(found)) is ((hertz, part) != (11.0, 0.65))
 
 
 def test_mains_are_no_mode() -> None:

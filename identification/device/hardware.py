@@ -7,7 +7,7 @@ factor and no residual. These facts come from a person or a data sheet, or nothi
 from __future__ import annotations
 
 import datetime
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Annotated, Any, Literal, cast, get_args
@@ -22,6 +22,7 @@ from identification.device.quantities import (
     Quantity,
     Source,
     quantity,
+    widest,
 )
 from identification.documents import Document
 from identification.errors import Finding, Unstated, UnstatedError
@@ -37,6 +38,8 @@ SHORTEST_STEP = 1e-7
 _FINEST_COUNT = 1e-15
 #: Modes that one axis may state; each adds two to the degree of the loop.
 MOST_MODES = 4
+#: A stated mode within this factor of the frequency of one found is that one.
+AS_STATED = 1.2
 #: A participation beyond it belongs to another choice of the rigid mass.
 _LARGEST_PARTICIPATION = 100.0
 
@@ -268,6 +271,30 @@ def mark_stated(known: Quantity | None) -> Quantity | None:
     if known is None or known.source is not None:
         return known
     return known.model_copy(update={"source": "hardware"})
+
+
+def is_near(found: Quantity, stated: Quantity, factor: float = AS_STATED) -> bool:
+    """Whether a value found is within a factor of the interval stated."""
+    return stated.low / factor <= found.value <= stated.high * factor
+
+
+def held_modes(stated: Sequence[Mode], found: Sequence[Mode]) -> tuple[Mode, ...]:
+    """The modes stated, each widened to what logs show of it, and those of logs beside them."""
+    held = list(stated)
+    for seen in found:
+        near = [each for each in held if is_near(seen.frequency_hz, each.frequency_hz)]
+        if not near:
+            held.append(seen)
+            continue
+        known = near[0]
+        hull: dict[str, object] = {
+            name: widest(getattr(known, name), [getattr(seen, name)])
+            for name in ("frequency_hz", "damping_ratio")
+        }
+        if seen.at_encoder > abs(known.at_encoder):
+            hull["at_encoder"] = float(np.copysign(seen.at_encoder, known.at_encoder))
+        held[held.index(known)] = known.model_copy(update=hull)
+    return tuple(held)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

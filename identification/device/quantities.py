@@ -151,6 +151,18 @@ def quantity(
     )
 
 
+def widest(stated: Quantity | None, found: Sequence[Quantity | None]) -> Quantity | None:
+    """The hull of several intervals about the value stated, or their mean; None for none."""
+    known = [each for each in found if each is not None]
+    if not known:
+        return stated
+    ends = [*known, *([] if stated is None else [stated])]
+    low, high = min(each.low for each in ends), max(each.high for each in ends)
+    if stated is not None:
+        return stated.model_copy(update={"low": low, "high": high})
+    return quantity(float(np.mean([each.value for each in known])), low, high, source="log")
+
+
 class Covariance(Document):
     """Joint covariance of everything identified together, in the units of the device."""
 

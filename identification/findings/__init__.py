@@ -417,13 +417,13 @@ _WIDEST_DELAY = 1.0
 #: Two delays contradict each other if they are further apart than this many deviations of both ...
 _DELAY_SIGMAS = 4.0
 _APART = 0.25  # ... and than this part of a sample, below which the difference matters to nothing.
-_WRONG_DELAY = 0.5  # samples by which a stated delay may be wrong
+WRONG_DELAY = 0.5  # samples by which a stated delay may be wrong
 
 
 def contradicts_delay(seen: Delay, stated: Quantity, step: float) -> bool:
     """Whether a delay read from a log lies outside of the one stated, by half a sample at least."""
     outside = max(seen.value - stated.high, stated.low - seen.value)
-    return outside > max(_DELAY_SIGMAS * seen.deviation, _WRONG_DELAY * step)
+    return outside > max(_DELAY_SIGMAS * seen.deviation, WRONG_DELAY * step)
 
 
 def _doubted_delay(
@@ -458,7 +458,7 @@ def _doubted_delay(
             code="delay-contradicted",
             severity="warning",
             seen=f"{seen}, the hardware states {stated.value * 1e3:.4g} ms",
-            needed=f"the same within {_WRONG_DELAY:g} samples ({_WRONG_DELAY * step * 1e3:.4g} ms)",
+            needed=f"the same within {WRONG_DELAY:g} samples ({WRONG_DELAY * step * 1e3:.4g} ms)",
             remedy="Correct delay in the hardware file, or the alignment of the columns: force[k] "
             "is what was sent at time[k]. If both are right, the device does what the model lacks, "
             "as play or a lagging drive, and the mass may be off by more than its interval. Mass "

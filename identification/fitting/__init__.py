@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -38,11 +38,8 @@ from identification.estimators.motion import distinguishable_terms
 from identification.findings import contradicts_delay, judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
+from identification.fitting.log_fit import LogFit
 from identification.trajectory import NORMAL_95, FloatArray, Trajectory, encoder_count, most_excited
-
-if TYPE_CHECKING:
-    from identification.fitting.dynamics import Dynamics
-    from identification.fitting.friction_curve import FrictionCurve
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
 
@@ -360,40 +357,6 @@ def _named(estimate: Estimate) -> str:
     return estimate.method.replace("-", " ")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LogFit:
-    """What one log said.
-
-    Attributes:
-        trajectory: the log.
-        fitted: samples that the estimates were made of: all, or the most excited part.
-        estimate: the one believed.
-        others: estimates by the other methods that were tried.
-        delay: read from the log; None if it was stated and the log does not contradict it.
-        structure: which further terms sparse regression asks for, in words; "" where none pay.
-        curve: friction beyond the model; None where the log shows none.
-        dynamics: lag, vibration, play or load friction that was taken out; None for none.
-        findings: about this log, those allowed among them as warnings.
-        reason: why this method, a sentence.
-    """
-
-    trajectory: Trajectory
-    fitted: int
-    estimate: Estimate
-    others: tuple[Estimate, ...]
-    delay: Delay | None
-    findings: tuple[Finding, ...]
-    reason: str
-    structure: str = ""
-    curve: FrictionCurve | None = None
-    dynamics: Dynamics | None = None
-
-    @property
-    def method(self) -> str:
-        """Name of the method believed."""
-        return self.estimate.method
-
-
 def suggested_by(fits: Sequence[LogFit]) -> SuggestedFacts:
     """What logs suggest of the facts that a person has to state."""
     delays = [fit.delay for fit in fits if fit.delay is not None]
@@ -403,10 +366,20 @@ def suggested_by(fits: Sequence[LogFit]) -> SuggestedFacts:
     )
 
 
-def fit_log(
-    trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool = False
-) -> LogFit:
-    """Estimate mass, damping and friction from one log, of a ``rigid`` device or not."""
+def fit_log(trajectory: Trajectory, hardware: Hardware, method: str) -> LogFit:
+    """Estimate mass, damping and friction from one log, behind the lag stated or what it shows."""
+    stated = hardware.current_lag
+    free = _fit(trajectory, hardware.model_copy(update={"current_lag": None}), method)
+    if stated is None:
+        return free
+    from identification.fitting import stated_lag
+
+    given = _fit(*stated_lag.behind(trajectory, hardware, stated), method)
+    return stated_lag.believed(free, given, stated)
+
+
+def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool = False) -> LogFit:
+    """The estimate from one log, of a ``rigid`` device or not."""
     stated = hardware.delay
     part = most_excited(trajectory)
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), ""
@@ -431,7 +404,7 @@ def fit_log(
         least = np.inf if curve is None or late else curve.left**2
         found = find_dynamics(part, seen.table, seen.delay, hardware, least=least)
         if found is not None:
-            again = fit_log(found.log, hardware, method, rigid=True)
+            again = _fit(found.log, hardware, method, rigid=True)
             return replace(
                 again,
                 trajectory=trajectory,

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from identification.device.hardware import Hardware, Mode
+from identification.device.hardware import AS_STATED, Hardware, Mode, is_near
 from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate, Solution, solve_separable, spread
@@ -44,7 +44,9 @@ _GAPS = (1e-3, 0.1)
 _COASTS = ((0.0, 0.0), (0.0, 0.4), (0.0, 0.7), (10.0, 0.0), (10.0, 0.5), (np.inf, 0.0))
 _SCAN = 9  # values of a parameter in a scan; of a resonance, which is sharp, three times as many
 _NUDGE = 1e-3  # step of numerical derivatives, of logarithms and samples
-_STATED = 1.2  # a stated lag or frequency within this factor of the one found is the one found
+_DAMPED_ALIKE = (
+    2.0  # a stated mode agrees with one found if the damping ratio is within this factor
+)
 _COHERENT = 0.8  # coherence of the bands that a finding names
 
 
@@ -64,13 +66,13 @@ class Dynamics:
     def response(self, rigid: ComplexArray, mass: float, frequency: FloatArray) -> ComplexArray:
         """Acceleration per force with the lag or the mode beside the rigid one, (bands,)."""
         turned = (2j * np.pi * frequency).astype(np.complex128)
-        if self.current_lag is not None:
-            return rigid / (1 + self.current_lag.value * turned)
-        if self.mode is None:
-            return rigid
-        omega, part = 2 * np.pi * self.mode.frequency_hz.value, self.mode.at_encoder**2
-        damped = 2 * self.mode.damping_ratio.value * omega
-        return rigid + part / mass * turned**2 / (turned**2 + damped * turned + omega**2)
+        if self.mode is not None:
+            omega, part = 2 * np.pi * self.mode.frequency_hz.value, self.mode.at_encoder**2
+            damped = 2 * self.mode.damping_ratio.value * omega
+            bent = turned**2 / (turned**2 + damped * turned + omega**2)
+            rigid = rigid + part / mass * bent
+        lag = 0.0 if self.current_lag is None else self.current_lag.value
+        return rigid / (1 + lag * turned)
 
     def carried_by(self, estimate: Estimate, before: Estimate) -> Estimate:
         """An estimate from ``log`` with its doubt, and the one before it, without the dynamics."""
@@ -176,6 +178,13 @@ class _Kind:
         raise NotImplementedError
 
 
+def lagged(force: FloatArray, lag: float, step: float) -> FloatArray:
+    """Mean over each interval of a held force behind a lag, s."""
+    decay = float(np.exp(-step / lag))
+    begun = recursive(np.concatenate((force[:1], force[:-1] * (1 - decay))), -decay)
+    return force + (begun - force) * (1 - decay) * lag / step
+
+
 class _Lag(_Kind):
     """A current loop of first order, θ = log of its time constant."""
 
@@ -207,11 +216,7 @@ class _Lag(_Kind):
         return replace(table, signals=signals, logged=logged, filtered_forces={}).force(delay)
 
     def _lagged(self, force: FloatArray, theta: FloatArray) -> FloatArray:
-        """Mean over each interval of a held force behind the lag."""
-        lag = float(np.exp(theta[0]))
-        decay = float(np.exp(-self.step / lag))
-        begun = recursive(np.concatenate((force[:1], force[:-1] * (1 - decay))), -decay)
-        return force + (begun - force) * (1 - decay) * lag / self.step
+        return lagged(force, float(np.exp(theta[0])), self.step)
 
     def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
         del table
@@ -385,7 +390,8 @@ class _Resonance(_Beside):
             f"{second / mass:.0%} of the mass",
             remedy=f"State modes: [{{frequency_hz: {_written(hertz)}, damping_ratio: "
             f"{_written(damped)}, at_encoder: {part:.3g}}}] in the hardware file, as it is "
-            "certified now, at_handle too where the hand grips elsewhere; or stiffen the device.",
+            "certified now beside what is stated, at_handle too where the hand grips elsewhere; or "
+            "stiffen the device.",
             mode=mode,
         )
 
@@ -470,7 +476,10 @@ def find_dynamics(
     for make in (_Kind, _Lag, _Load, _Resonance, _Play):
         lowest = _FOR_PLAY if make is _Play else LEAST  # play takes longest to look for
         quiet = cost < max(lowest**2 * power, LOUD * noise) and make is not _Lag
-        if quiet or (make is _Kind and given is None):
+        known = (
+            given is None if make is _Kind else make is _Lag and hardware.current_lag is not None
+        )
+        if quiet or known:
             continue
         kind = make(table, residual, None if make is _Kind else given, late)
         found = kind.fitted()
@@ -560,12 +569,12 @@ def _around(logarithm: float, variance: float) -> Quantity:
 
 
 def _is_stated(told: _Told, hardware: Hardware) -> bool:
-    pairs = [(hardware.current_lag, told.current_lag)]
-    if told.mode is not None:
-        pairs += [(each.frequency_hz, told.mode.frequency_hz) for each in hardware.modes]
-    return any(
-        known is not None and found and known.low / _STATED <= found.value <= known.high * _STATED
-        for known, found in pairs
+    found = told.mode
+    return found is not None and any(
+        is_near(found.frequency_hz, each.frequency_hz)
+        and is_near(found.damping_ratio, each.damping_ratio, _DAMPED_ALIKE)
+        and found.at_encoder <= abs(each.at_encoder) * AS_STATED
+        for each in hardware.modes
     )
 
 

@@ -535,15 +535,13 @@ def _standing(target: Path) -> tuple[bytes | None, os.stat_result | None]:
 
 @contextmanager
 def _name_beside(target: Path) -> Generator[Path]:
-    """A name that nothing has, in the same folder; nothing of that name is left behind.
-
-    The name is known before there is a file, so that an interruption cannot come in between.
-    """
+    """A name that nothing has, in the same folder, known before there is a file; none is left."""
     path = target.with_name(f".haptune-{secrets.token_hex(8)}")
     try:
         yield path
     finally:
-        path.unlink(missing_ok=True)
+        with suppress(OSError):  # where nothing may be written there is nothing
+            path.unlink(missing_ok=True)
 
 
 def _create(path: Path, data: bytes, *, like: os.stat_result | None) -> None:

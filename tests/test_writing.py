@@ -119,6 +119,20 @@ def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
     assert files() == {"a.yaml", "a.yaml.bak"}
 
 
+def test_a_read_only_file_system_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """There even what is not there cannot be removed."""
+
+    def unable(*_: object, **__: object) -> NoReturn:
+        raise OSError(30, "Read-only file system")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("os.open", unable)
+        patched.setattr("pathlib.Path.unlink", unable)
+        with pytest.raises(NotWrittenError, match="Read-only file system"):
+            write_text(Path("a.yaml"), "one\n")
+    assert files() == set()
+
+
 @needs_posix
 def test_what_others_may_not_read_they_cannot_read_meanwhile(
     monkeypatch: pytest.MonkeyPatch,

@@ -90,6 +90,23 @@ READ: dict[str, tuple[str | bytes, str, str]] = {
         ".csv",
         "comments below the header left out",
     ),
+    "blank lines": (
+        in_lines(TEXT, lambda lines: [*lines[:90], "", ",,", *lines[90:], " ", ",,", ""]),
+        ".csv",
+        "5 blank lines left out",
+    ),
+    "a blank line among decimal commas": (
+        in_lines(
+            table(between=";", decimal=","), lambda lines: [*lines[:90], " ; ; ", *lines[90:]]
+        ),
+        ".csv",
+        "semicolons between columns, decimal commas, 1 blank line left out",
+    ),
+    "a blank line among spaces": (
+        in_lines(table(between=" "), lambda lines: [*lines, "   "]),
+        ".txt",
+        "spaces between columns, 1 blank line left out",
+    ),
     "a row of units": (
         in_lines(table(sizes=MILLI), lambda lines: [lines[0], "ms,mN,mm", *lines[1:]]),
         ".csv",

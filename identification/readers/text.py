@@ -458,8 +458,10 @@ def read_samples(path: Path, content: bytes, table: Table) -> Reading:
     if separator == " " and (body.startswith((b" ", b"\t")) or any(run in body for run in _RUNS)):
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", body)
         body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
-    values, clock = _numbers(path, body, separator, table, stored, **options)
-    return Reading(values=values, names=table.wanted, notes=table.notes, in_seconds=clock)
+    values, clock, blank = _numbers(path, body, separator, table, stored, **options)
+    skipped = (f"{blank} blank line{'' if blank == 1 else 's'} left out",) if blank else ()
+    notes = (*table.notes, *skipped)
+    return Reading(values=values, names=table.wanted, notes=notes, in_seconds=clock)
 
 
 def _plain_numbers(body: bytes, table: Table) -> dict[str, FloatArray] | None:
@@ -490,11 +492,11 @@ def _numbers(
     table: Table,
     stored: Mapping[int, str],
     **options: Any,
-) -> tuple[dict[str, FloatArray], bool]:
-    """Columns by role, an empty cell NaN, and whether time is told by a clock, in seconds.
+) -> tuple[dict[str, FloatArray], bool, int]:
+    """Columns by role, an empty cell NaN; whether a clock tells time, in seconds; lines left out.
 
-    Columns have by their places the names they are ``stored`` by. A cell that is no number is
-    refused by its row.
+    Left out is a line with nothing in any of the columns. They have by their places the names they
+    are ``stored`` by. A cell that is no number is refused by its row.
     """
     import polars as pl
 
@@ -514,14 +516,18 @@ def _numbers(
             remedy = "Export it again as CSV with one header line"
             raise InvalidInputError(path, problem, remedy) from None
     values: dict[str, FloatArray] = {}
-    clock = False
+    clock, told = False, np.zeros(len(cells), dtype=bool)
     for role, place in table.places.items():
         column = cells[stored[place]]
+        is_text = column.dtype == pl.String
+        filled = column.str.contains(r"\S") if is_text else column.is_not_null()
+        told |= filled.fill_null(value=False).to_numpy()
         if role == "time" and len(column) and _CLOCK.search(str(column[0])):
             clock, column = True, _seconds(column)
         name = table.wanted[role]
         values[role] = _column(path, name, column, table.first + 1, table.decimal)
-    return values, clock
+    kept = {role: column[told] for role, column in values.items()}
+    return kept, clock, len(told) - int(np.count_nonzero(told))
 
 
 def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:

@@ -147,32 +147,34 @@ def parse_document(
 def complaints(model: type[Document], error: ValidationError) -> str:
     """What a validator says against a document, a sentence for each key, the first few of them."""
     schemas = model.model_json_schema(by_alias=True)
-    parts = [schemas, *schemas.get("$defs", {}).values()]
-    # Every key that a document of this kind can hold at any level.
-    names = tuple(dict.fromkeys(name for part in parts for name in part.get("properties", {})))
+    parts = {"": schemas, **schemas.get("$defs", {})}  # the keys at the top, and of what is below
     items = [dict(item) for item in error.errors(include_url=False)]
     # A word would have been another way to say it; what is wrong with this way is said.
     others = (
         each["type"] != "literal_error" or isinstance(each["input"], str | None) for each in items
     )
     telling = [item for item, tells in zip(items, others, strict=True) if tells]
-    found = [_sentence(item, names) for item in telling or items]
+    found = [_sentence(item, parts) for item in telling or items]
     problems = "; ".join(dict.fromkeys(found[:_MOST_PROBLEMS]))
     more = len(found) - _MOST_PROBLEMS
     return f"{problems}; and {more} more" if more > 0 else problems
 
 
-def _sentence(item: dict[str, Any], names: tuple[str, ...]) -> str:
+def _sentence(item: dict[str, Any], parts: dict[str, Any]) -> str:
     location = [str(part)[:80] for part in item["loc"]]
     where = ".".join(part for part in location if not part.startswith(("function-", "literal[")))
     kind = str(item["type"])
     if kind == "missing":
         return f"{where}: is missing"
     if kind == "extra_forbidden":
-        near = difflib.get_close_matches(location[-1], names, n=1)
+        key, among = location[-1], [parts[""]] if len(location) == 1 else parts.values()
+        names = dict.fromkeys(name for part in among for name in part.get("properties", {}))
+        near = [name for name in names if name.startswith(f"{key}_")]
+        near = near or difflib.get_close_matches(key, names, n=1)
         return f"{where}: is no key known here" + (f"; did you mean {near[0]}?" if near else "")
     message = _RULE_OF.get(kind, "is not as it must be").format_map(item.get("ctx", {}))
-    given = item["input"]
+    given, keys = item["input"], parts.get(item.get("ctx", {}).get("class_name"), {})
+    message += f": {', '.join(keys['required'])}" if "required" in keys else ""
     if given is None:
         return f"{where}: is blank; fill it in ({message})"
     # What is wrong with a mapping or a list as a whole is said with its numbers.
@@ -321,7 +323,7 @@ def _strange_values(value: object, where: str) -> Iterator[str]:
                 yield from _strange_values(key, where or "the file")
                 yield from _strange_values(item, f"{where}.{key}" if where else key)
             else:
-                yield f"{where or 'the file'} has the key {key!r}, which is no text"
+                yield f"{where or 'the file'} has the key {key!r}, no text: put it in quotes"
     elif isinstance(value, list):
         for item in cast("list[object]", value):
             yield from _strange_values(item, where)

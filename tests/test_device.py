@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -171,6 +172,19 @@ def test_modes_and_lag_survive_the_file(tmp_path: Path) -> None:
 def test_impossible_modes_are_refused(mode: dict[str, Any], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words.replace("?", r"\?")):
         parse_document(Hardware, {"modes": [mode]}, "hardware.yaml")
+
+
+@pytest.mark.parametrize(
+    ("facts", "words"),
+    [
+        ({"encoder": 6e-6}, "did you mean encoder_resolution?"),
+        ({"delay": [0.0005, 0.0015]}, "delay: give a number or {value: …, low: …, high: …}"),
+        ({"force_limit": 14}, "give a mapping of keys: continuous, peak (seen: 14)"),
+    ],
+)
+def test_a_wrong_fact_is_told_what_it_is_to_be(facts: dict[str, Any], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=re.escape(words)):
+        parse_document(Hardware, facts, "hardware.yaml")
 
 
 def test_more_modes_than_can_be_judged_are_refused() -> None:

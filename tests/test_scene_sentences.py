@@ -53,7 +53,11 @@ FILES: tuple[tuple[tuple[str, ...], str], ...] = (
         WALL + "loop: {velocity_window_samples: 5, velocity_filter_hz: 50}",
     ),
     (("together", "'wall'"), WALL + "together: wall"),
+    (("velocity_filter: give low-pass, tracking or free (",), WALL + "loop: {velocity_filter: b}"),
+    (("hand.mass: give a number or",), WALL + "hand: {mass: [1, 2], damping: 1, stiffness: 1}"),
+    (("elements has the key 1, no text: put it in quotes",), "elements: {1: {stiffness: max}}"),
     (("together needs two or more",), WALL + "together: [[]]"),
+    (("two or more different elements, not [wall]",), WALL + "together: [[wall]]"),
     (("together names door, which is no element",), WALL + "together: [[wall, door]]"),
     (("apart needs two different elements",), WALL + "apart: [[wall, wall]]"),
     (

@@ -74,7 +74,7 @@ class Quantity(Document):
 
 
 def _to_quantity(raw: object) -> object:
-    if isinstance(raw, str | bool | None):
+    if isinstance(raw, str | bool | list | tuple | None):
         raise ValueError("give a number or {value: …, low: …, high: …}")
     if isinstance(raw, int | float):
         return {"value": raw, "low": raw, "high": raw}

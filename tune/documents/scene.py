@@ -177,10 +177,12 @@ def refuse_strange_groups(
             raise ValueError(f"{word} names {', '.join(unknown)[:80]}, which is no element")
     for pair in pairs:
         if len(pair) != 2 or len(set(pair)) != 2:
-            raise ValueError(f"apart needs two different elements, not {pair}"[:200])
+            raise ValueError(f"apart needs two different elements, not [{', '.join(pair)}]"[:200])
     for group in sets:
         if len(set(group)) != len(group) or len(group) < 2:
-            raise ValueError(f"together needs two or more different elements, not {group}"[:200])
+            raise ValueError(
+                f"together needs two or more different elements, not [{', '.join(group)}]"[:200]
+            )
         if len(group) > _LARGEST_GROUP:
             raise ValueError(f"together holds {len(group)} elements, more than {_LARGEST_GROUP}")
         for pair in (each for each in pairs if set(each) <= set(group)):
@@ -505,7 +507,8 @@ class LoopFreedom(Document):
     def _kind(cls, raw: object, info: ValidationInfo) -> object:
         if raw is None or raw in ("low-pass", "tracking", "free"):
             return raw
-        raise ValueError(f"give low-pass, tracking or free; did you mean {info.field_name}_hz?")
+        hint = "" if isinstance(raw, str) else f"; did you mean {info.field_name}_hz?"
+        raise ValueError(f"give low-pass, tracking or free{hint}")
 
     @model_validator(mode="after")
     def _positive(self) -> LoopFreedom:

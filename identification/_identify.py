@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Literal
+from os import PathLike
+from typing import Literal, cast
 
 import numpy as np
 
@@ -121,11 +122,17 @@ def identify(
         allow: codes of findings that are not to refuse a log; recorded with the device.
 
     Raises:
-        UsageError: no log, logs of different axes, an unknown method or code.
+        UsageError: no log that was read, logs of different axes, an unknown method or code.
         InvalidInputError: hardware and log contradict each other.
         LogRefusedError: mass and damping cannot honestly be told; carries every finding.
     """
-    given = (trajectory,) if isinstance(trajectory, Trajectory | Trajectories) else trajectory
+    one = isinstance(trajectory, Trajectory | Trajectories | str | PathLike)
+    given = cast("Sequence[object]", (trajectory,) if one else trajectory)
+    allow = (allow,) if isinstance(allow, str) else allow
+    for each in given:
+        if not isinstance(each, Trajectory | Trajectories):
+            problem = f"{repr(each)[:80]} is no log that was read"
+            raise UsageError("logs", problem, "Read it with load_trajectory or load_log")
     several = tuple(each for each in given if isinstance(each, Trajectories))
     trajectories = tuple(each for each in given if isinstance(each, Trajectory))
     if several and trajectories:

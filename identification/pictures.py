@@ -18,6 +18,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from identification.device.device import ByDirection, Device
 from identification.device.quantities import Quantity
+from identification.errors import UsageError
 from identification.estimators.estimate import Estimate, Gravity, Model
 from identification.estimators.least_squares import prepare
 from identification.estimators.response import response_of
@@ -196,7 +197,12 @@ def devices_picture(devices: Mapping[str, Device]) -> Figure:
 
     Args:
         devices: by the words that stand beside each line, from top to bottom; of one motion.
+
+    Raises:
+        UsageError: none given.
     """
+    if not devices:
+        raise UsageError("devices", "none given", "Give at least one device")
     lines = [_of_device(each, words, "#0072B2") for words, each in devices.items()]
     (part,) = _parts([_AXIS + 2 * _LINE * len(lines)], devices)
     units = _units_of_symbols(next(iter(devices.values())))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar, cast
+from typing import Literal, TypeVar, cast, get_args
 from weakref import finalize
 
 import numpy as np
@@ -89,7 +89,8 @@ class Trajectory:
 
     Raises:
         LogRefusedError: too-short, non-finite, clock-backward or constant-column.
-        ValueError: arrays that are not one-dimensional or not of one length.
+        UsageError: another kind of motion.
+        ValueError: arrays that are not real, not one-dimensional or not of one length.
     """
 
     time: FloatArray
@@ -107,8 +108,13 @@ class Trajectory:
     sample_time: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if self.motion not in (None, *get_args(Motion)):
+            problem = f"is {self.motion!r}"
+            raise UsageError("motion", problem, "Give 'linear', 'rotary' or None: nobody said it")
         for name in ("time", "force", "position", "reference"):
             column = getattr(self, name)
+            if np.iscomplexobj(column):
+                raise ValueError(f"columns must be real numbers, and {name} is complex")
             if column is not None:
                 object.__setattr__(self, name, _frozen(column))
         if any(column.shape != (self.time.size,) for _, column in self.columns()):

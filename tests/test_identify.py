@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -25,6 +27,8 @@ from identification import (
     Trajectory,
     UsageError,
     as_stored,
+    devices_picture,
+    examine,
     identify,
     quantity,
 )
@@ -465,3 +469,23 @@ def test_no_log_ends_in_anything_but_a_device_or_a_sentence(
         device = identify(log(force, place), method=method, allow=allow).device
         assert device.mass.low > 0
         assert device.simultaneous_box().mass[0] > 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda _: identify(cast("Any", "log.csv")), "'log.csv' is no log that was read"),
+        (lambda _: examine(cast("Any", "log.csv")), "'log.csv' is no log that was read"),
+        (lambda seen: identify(seen, allow="jiter"), "jiter is no finding"),
+        (lambda seen: replace(seen, motion="sliding"), "motion: is 'sliding'. Give 'linear'"),
+        (lambda seen: replace(seen, force=seen.force * 1j), "real numbers, and force is complex"),
+        (lambda _: devices_picture({}), "devices: none given"),
+    ],
+)
+def test_a_wrong_request_from_python_is_a_sentence(
+    wrong: Callable[[Any], object], words: str
+) -> None:
+    time = 1e-3 * np.arange(500, dtype=np.float64)
+    seen = Trajectory(time=time, force=np.sin(9 * time), position=np.cos(9 * time))
+    with pytest.raises((UsageError, ValueError), match=re.escape(words)):
+        wrong(seen)

@@ -190,6 +190,30 @@ def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_state
     assert saturated(Hardware(force_limit=ForceLimit(continuous=5.0, peak=5.0)))
 
 
+def test_steps_held_as_long_as_others_are_no_limit() -> None:
+    """Staircases, and steps of any size of which none stands out; what is cut stays one."""
+    generator = np.random.default_rng(7)
+    stairs = np.repeat(np.concatenate((np.arange(21.0), np.arange(20.0, -21, -1))), 25)
+    steps = np.repeat(np.sort(generator.uniform(-3, 3, 24)), generator.integers(100, 600, 24))
+    time = STEP * np.arange(4000)
+    sine = np.sin(2 * np.pi * time * (1 + time))
+    limit = ForceLimit(continuous=20.0, peak=40.0)
+
+    def saturated(force: Array, hardware: Hardware | None = None) -> bool:
+        place = positions(Axis(), force[:, None])[:, 0]
+        found = inspect(log(force, place), hardware or Hardware())
+        return "force-saturated" in {each.code for each in found}
+
+    assert not saturated(stairs)
+    assert not saturated(steps)
+    rounded = np.round(50 * np.clip(sine, -0.9, 0.9)) / 50
+    assert saturated(rounded)
+    assert saturated(np.where(time < 2.5, 0.0, rounded))  # most of it at rest
+    # The remedies: an actuator that gives far more is at no limit.
+    assert saturated(12 * rounded, Hardware(force_limit=limit))
+    assert not saturated(11 * rounded, Hardware(force_limit=limit))
+
+
 @pytest.mark.parametrize("step", [1e-3, 2e-4])
 def test_rows_lost_and_renumbered_are_named(step: float) -> None:
     whole = late_by(0.0, step)

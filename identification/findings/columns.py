@@ -424,7 +424,10 @@ _RUN = 5  # consecutive samples at the limit that a smooth signal does not reach
 _TOLERATED = 0.01  # part of the log in such runs that is tolerated
 #: A force with at most this many distinct sizes is a switching signal, whose plateaus are meant.
 _SWITCHING_LEVELS = 16
-_SWITCHED = 0.5  # ... and so is a plateau entered or left by this part of it from row to row.
+_SWITCHED = 0.5  # ... so is a plateau entered or left by this part of it from row to row, ...
+_AS_LONG = 2.0  # ... and one at most this many times as long as other forces are held.
+#: Part of the continuous force of the hardware below which no actuator is at its limit.
+_FAR_BELOW = 0.5
 
 
 def saturation(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
@@ -444,17 +447,20 @@ def saturation(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
             "limit is that of the data sheet.",
             at=trajectory.spans(size > limit * (1 + _AT_LIMIT)),
         )
+    free = 0.0 if hardware.force_limit is None else _FAR_BELOW * hardware.force_limit.continuous
     reached = limit is not None and peak >= limit * (1 - _AT_LIMIT)
     runs = _runs_at(trajectory.force, peak * (1 - _AT_LIMIT), switched=not reached)
     share = float(np.mean(runs))
     levels = np.unique(np.round(size / peak / _AT_LIMIT)).size
-    if share > _TOLERATED and levels > _SWITCHING_LEVELS:
+    if share > _TOLERATED and levels > _SWITCHING_LEVELS and peak >= free:
+        below = f" (below {free:.4g} plateaus are believed)" if free else ""
         yield refusal(
             "force-saturated",
             seen=f"{share:.1%} of {trajectory.source} stays at the largest force {peak:.4g} "
             f"for {_RUN} samples or more",
             needed=f"at most {_TOLERATED:.0%}",
-            remedy="Excite more gently, so that the actuator gives what the log says.",
+            remedy=f"Excite more gently{below}, so that the actuator gives what the log says"
+            + ("." if free else "; where plateaus are meant, state the hardware's force_limit."),
             at=trajectory.spans(runs),
         )
 
@@ -462,18 +468,30 @@ def saturation(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
 def _runs_at(force: FloatArray, limit: float, *, switched: bool) -> BoolArray:
     """Which samples are in runs of at least _RUN at the limit, without smooth tops.
 
-    Plateaus that begin or end by a jump are left out as well if they may be ``switched``.
+    Plateaus that begin or end by a jump, or last as long as others, are left out as well if they
+    may be ``switched``.
     """
     size = np.abs(force)
     edges = np.diff(np.concatenate(([0], (size >= limit).astype(np.int8), [0])))
     starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
     jumps = np.abs(np.diff(force, prepend=0.0, append=0.0)) >= _SWITCHED * limit
-    meant = switched & (jumps[starts] | jumps[ends])
+    meant = jumps[starts] | jumps[ends] | (ends - starts <= _AS_LONG * _held(force, limit))
+    meant &= switched
     long = (ends - starts >= _RUN) & ~meant
     flat = np.zeros(size.size, dtype=np.bool_)
     for start, end in zip(starts[long].tolist(), ends[long].tolist(), strict=True):
         flat[start:end] = not _smooth_top(size[start:end])
     return flat
+
+
+def _held(force: FloatArray, limit: float) -> float:
+    """Rows for which a force below the limit is held, median over such rows but those at rest."""
+    level = np.rint(force / (limit * _AT_LIMIT))
+    lengths = np.diff(np.flatnonzero(np.diff(level, prepend=np.inf, append=np.inf)))
+    values, of_value = np.unique(level, return_inverse=True)
+    rest = of_value == np.argmax(np.bincount(of_value, np.abs(force) < limit, values.size))
+    rows = np.repeat(lengths, lengths)[~rest & (np.abs(force) < limit)]
+    return float(np.median(rows)) if rows.size else 0.0
 
 
 def _smooth_top(part: FloatArray) -> bool:

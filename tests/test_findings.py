@@ -115,6 +115,28 @@ def test_stamps_that_say_when_a_row_was_written(jitter: float, refuses: bool) ->
     assert [each.severity for each in found] == ["refusal" if refuses else "warning"]
 
 
+@pytest.mark.parametrize("hardware", [Hardware(), Hardware(sample_time=quantity(STEP))])
+def test_rows_that_come_in_packets_are_not_lost(hardware: Hardware) -> None:
+    """Eight rows are stamped as they come at once; where they are read at once, others are lost."""
+    trajectory = plain()
+    row = np.arange(len(trajectory), dtype=np.float64)
+    come = STEP * (row // 8 + 1) * 8 + 2e-5 * (row % 8)
+    late = log(trajectory.force, trajectory.position, come)
+    (found,) = (each for each in inspect(late, hardware) if each.severity == "refusal")
+    assert found.code == "jitter"
+    assert "come in packets, 0.9991 ms a row" in found.seen
+    assert "number the rows" in found.remedy
+    kept = row % 18 < 8
+    lost = log(trajectory.force[kept], trajectory.position[kept], STEP * row[kept])
+    assert [each.code for each in inspect(lost, hardware)] == ["dropped-samples"]
+
+
+def test_a_log_of_every_second_sample_is_named() -> None:
+    every = [column[::2] for column in (plain().force, plain().position, plain().time)]
+    found = inspect(log(*every), Hardware(sample_time=quantity(STEP)))
+    assert any("every second sample of the 1 ms" in each.seen for each in found)
+
+
 @pytest.mark.parametrize("pause", [0.01, 0.6], ids=["at once", "slowly"])
 @pytest.mark.parametrize("lost", [0, 100])
 @pytest.mark.parametrize("true", [1.0, 0.95, 1.05])

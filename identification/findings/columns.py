@@ -45,6 +45,8 @@ _FALSE_JITTER = 0.05  # ... so a log is refused above this jitter, which spoils 
 #: With true stamps it is refused above this: a robot's joint sampled every 8 ms lost a third of its
 #: damping at 0.35, in spite of its interval.
 _MOST_JITTER = 0.3
+_AROUND = 8  # rows to either side that tell which way the device moves, and ...
+_FEWEST_PACKETS = 20  # ... packets that tell how far
 _LONGEST = 1 << 20  # samples looked at for that, from the middle: more add time, not truth
 #: Units of time by mistake, and s in each; above 1 it is the hardware that is not in s.
 _CLOCKS = (
@@ -57,16 +59,32 @@ _CLOCKS = (
 #: Hardware and log may differ by this part in sample time; mass goes with its square.
 _SAMPLE_TIME_TOLERANCE = 0.01
 _LONGEST_DELAY = 0.1  # a stated delay may be this part of the log
+_ORDINALS = {2: "second", 3: "third"}
 
 
 def sampling(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
     """``dropped-samples`` and ``jitter``, ``force-unit`` for time that is not in seconds."""
     steps = np.diff(trajectory.time)
     long = steps > LOST * trajectory.sample_time
-    yield from _against_hardware(trajectory, hardware)
-    if long.any():
+    packets = _packets(trajectory, steps, long)
+    yield from _against_hardware(trajectory, hardware, packets=packets)
+    if long.any() and not packets:
         yield from _lost(trajectory, steps, long)
-    yield from _uneven(trajectory, steps[~long])
+    yield from _uneven(trajectory, steps if packets else steps[~long], packets=packets)
+
+
+def _packets(trajectory: Trajectory, steps: FloatArray, long: BoolArray) -> bool:
+    """Whether rows were stamped as packets of them came, each at once: none is lost for that.
+
+    Then the device moves no further in a long step than in a short one.
+    """
+    usual = float(np.mean(steps)) <= LOST * trajectory.sample_time
+    if usual or np.count_nonzero(long[_AROUND:-_AROUND]) < _FEWEST_PACKETS:
+        return False
+    place, width = trajectory.position, 2 * _AROUND + 1
+    way, inner = np.sign(place[width:] - place[:-width]), slice(_AROUND, -_AROUND)
+    moved, long = way * np.diff(place)[inner], long[inner]
+    return float(np.mean(moved[long])) < _FALSE * float(np.mean(moved[~long]))
 
 
 def _lost(trajectory: Trajectory, steps: FloatArray, long: BoolArray) -> Iterator[Finding]:
@@ -101,16 +119,16 @@ def _rows_lost(steps: FloatArray, long: BoolArray, usual: float) -> int:
     return max(0, min(int(np.sum(np.rint(steps[long] / usual) - 1)), lengthened))
 
 
-def _uneven(trajectory: Trajectory, even: FloatArray) -> Iterator[Finding]:
+def _uneven(trajectory: Trajectory, even: FloatArray, *, packets: bool) -> Iterator[Finding]:
     jitter = float(np.std(even) / np.mean(even))
     if jitter <= _DOUBTED_JITTER:
         return
-    false = _false(trajectory)
-    how = (
-        "the motion is smoother with even steps, so the stamps do not say when position was read"
-        if false
-        else "the stamps are used as they are"
-    )
+    false = packets or _false(trajectory)
+    how = "the stamps are used as they are"
+    if packets:
+        how = f"rows come in packets, {np.mean(even) * 1e3:.4g} ms a row, and the stamps say when"
+    elif false:
+        how = "even steps make the motion smoother, so the stamps do not say when position was read"
     most = _FALSE_JITTER if false else _MOST_JITTER
     refused = jitter > most
     yield Finding(
@@ -147,7 +165,9 @@ def _false(trajectory: Trajectory) -> bool:
     return by_stamps > _FALSE * by_even
 
 
-def _against_hardware(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
+def _against_hardware(
+    trajectory: Trajectory, hardware: Hardware, *, packets: bool
+) -> Iterator[Finding]:
     span = float(trajectory.time[-1] - trajectory.time[0])
     # Hardly a row of a log shorter than many delays feels a force that was logged.
     if hardware.delay is not None and hardware.delay.high > _LONGEST_DELAY * span:
@@ -168,6 +188,7 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware) -> Iterator[Fi
     even = float(np.mean(steps[~long & (steps >= (2 - LOST) * usual)]))
     whole = span / (steps.size + _rows_lost(steps, long, usual))
     seen = min(even, whole, key=lambda each: abs(each - stated.value))
+    seen = span / steps.size if packets else seen
     low = stated.low * (1 - _SAMPLE_TIME_TOLERANCE)
     high = stated.high * (1 + _SAMPLE_TIME_TOLERANCE)
     if low <= seen <= high:
@@ -185,11 +206,12 @@ def _against_hardware(trajectory: Trajectory, hardware: Hardware) -> Iterator[Fi
                 else "State sample_time of the hardware file in seconds.",
             )
             return
+    nth = _ORDINALS.get(round(ratio), f"{round(ratio)}th")
     if ratio > LOST and abs(ratio / round(ratio) - 1) <= _SAMPLE_TIME_TOLERANCE:
         yield refusal(
             "dropped-samples",
-            seen=f"{trajectory.source} steps by {seen * 1e3:.4g} ms, every "
-            f"{round(ratio)}th sample of the {stated.value * 1e3:.4g} ms of the hardware",
+            seen=f"{trajectory.source} steps by {seen * 1e3:.4g} ms, every {nth} sample of the "
+            f"{stated.value * 1e3:.4g} ms of the hardware",
             needed="every sample of the control loop, since force is held for each of them",
             remedy="Log every sample; sample_time in the hardware file is the period of the "
             "control loop, whatever the log was written with.",

@@ -1083,6 +1083,13 @@ FAULTS: tuple[Fault, ...] = (
         tests="tests/test_ros2.py -k no_node_can_have",
     ),
     Fault(
+        name="no encoder whose count is below zero",
+        file="tune/rendering.py",
+        old="if not 0 < number < math.inf:",
+        new="if number == 0:",
+        tests="tests/test_haptune.py -k no_call_can",
+    ),
+    Fault(
         name="gains like a wall keep its lead",
         file="tune/judging.py",
         old="met.lead > lead * (1 + _ROUNDED)",

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -21,15 +21,31 @@ import identification
 import tune
 from datasets_synthetic import bundled_path
 from identification import (
+    Device,
     Hardware,
     InvalidInputError,
     Replaced,
+    UsageError,
     load_device,
     load_document,
     load_trajectory,
 )
 from tests.commands import FLUID, form, log_text
-from tune import Effects, audit, compare, load_profile, region_picture
+from tests.exported import tuned
+from tune import (
+    Effects,
+    Loop,
+    LoopError,
+    SafeProfile,
+    Scene,
+    audit,
+    compare,
+    count_jump,
+    force_ripple,
+    load_profile,
+    optimise,
+    region_picture,
+)
 
 ROOT = Path(__file__).parents[1]
 VERBS = ("identify", "optimise", "study", "audit", "check", "verify", "export")
@@ -225,3 +241,35 @@ def test_identification_and_audit_are_frames() -> None:
     peak = judged.filter(judged["quantity"] == "peak_force")
     np.testing.assert_allclose(peak["seen"][0], 8.0)  # 800 N/m over 10 mm
     assert peak["needed"][0] == 28.0
+
+
+_SCENE = Scene.model_validate({"elements": {"wall": {"stiffness": "max"}}})
+_LOOP = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=0.001)
+
+
+@pytest.mark.parametrize(
+    ("words", "call"),
+    [
+        (r"shape \(2,\). Judge one", lambda d, _: audit(d, Effects(stiffness=[8.0, 9.0]))),
+        (r"-1 would take", lambda d, _: audit(d, Effects(damping=9.0), extra_delay_samples=-1)),
+        (
+            "'nope' is no element. Choose from wall, cup, rubber",
+            lambda d, p: audit(d, Effects(damping=9.0), like=(p, "nope")),
+        ),
+        (
+            "'speed' is no effect. Choose from stiff",
+            lambda d, _: optimise(d, _SCENE, favour=cast("Any", "speed")),
+        ),
+        (
+            r"arrays of shape \(0,\) hold no device",
+            lambda *_: Loop.from_numbers(mass=np.array([]), damping=1.0, sample_time=0.001),
+        ),
+        ("not -1; state it", lambda *_: force_ripple(_LOOP, Effects(stiffness=9.0), -1)),
+        ("sample_time must be above 0", lambda *_: count_jump(Effects(damping=9.0), 0.0, 1e-5)),
+    ],
+)
+def test_what_no_call_can_answer_is_refused_with_the_value(
+    words: str, call: Callable[[Device, SafeProfile], object]
+) -> None:
+    with pytest.raises((UsageError, LoopError), match=words):
+        call(load_device("homerehab"), tuned())

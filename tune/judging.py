@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from identification import Device, Fact, Tabular, UsageError, as_stored, parse_document, to_mapping
 from tune.certificate.certify import certify, refusal_of
-from tune.documents import CheckFailedError
+from tune.documents import CheckFailedError, refuse_unknown
 from tune.documents.changes import Change, Interval, changes_of, exact, stated
 from tune.documents.perception import Scale, default_table
 from tune.documents.profile import (
@@ -179,12 +179,16 @@ def audit(
         UnstatedError: motion, sample time or delay that a person has to state.
         LoopError: a delay that cannot be judged.
         InvalidInputError: values no scene can hold.
-        UsageError: an extra delay that takes some of the device's own away.
+        UsageError: several gains, no such element, an extra delay below zero.
     """
     device.require_stated(NEEDED)
     if not extra_delay_samples >= 0:
         seen = f"{extra_delay_samples:g} would take away from the delay of the device"
         raise UsageError("--extra-delay-samples", seen, "Give 0 or more, or correct the device")
+    if several := [size.shape for size in effects.arrays() if size is not None and size.ndim]:
+        raise UsageError("effects", f"an array of shape {several[0]}", "Judge one of each a call")
+    if like is not None:
+        refuse_unknown("like", "element", like[1], like[0].elements)
     filters = filters or Filters()
     later = to_mapping(_as_judged(device, extra_delay_samples))
     device = parse_document(Device, later, "the device with its extra delay")

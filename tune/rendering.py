@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, round_to_digits
+from tune.documents import LoopError
 from tune.documents.estimators import DIFFERENCES, Derivative, filter_of, leads
 from tune.documents.profile import Contact, ElementProfile, Rendered
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
@@ -284,7 +285,11 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
 
     Returns:
         rms force of the broadcast shape.
+
+    Raises:
+        LoopError: a resolution that is not above zero.
     """
+    _refuse_nothing(encoder_resolution=encoder_resolution)
     law = law_numerator(loop, effects)
     if law is None:
         return np.zeros(loop.scales[0].shape)
@@ -295,6 +300,12 @@ def force_ripple(loop: Loop, effects: Effects, encoder_resolution: float) -> Flo
     with np.errstate(invalid="ignore"):
         noise = np.asarray(np.sqrt(energy / 12) * encoder_resolution)
     return np.asarray(noise / loop.scales[0])
+
+
+def _refuse_nothing(**numbers: float) -> None:
+    for name, number in numbers.items():
+        if not 0 < number < math.inf:
+            raise LoopError(f"{name} must be above 0, not {number:g}; state it in SI units")
 
 
 def law_numerator(loop: Loop, effects: Effects) -> FloatArray | None:
@@ -325,7 +336,11 @@ def count_jump(
         sample_time: T, s.
         encoder_resolution: Δ, m (rad).
         filters: of velocity and acceleration.
+
+    Raises:
+        LoopError: a sample time or resolution that is not above zero.
     """
+    _refuse_nothing(sample_time=sample_time, encoder_resolution=encoder_resolution)
     filters = filters or Filters()
     cutoffs = (None, filters.velocity_filter_hz, filters.acceleration_filter_hz)
     found: dict[EffectName, float] = {}

@@ -512,11 +512,12 @@ def _node(given: str | None, targets: list[Target]) -> str:
 
 def _targets(given: list[str]) -> list[Target]:
     """The targets of every --to, each once. Raises UsageError."""
-    from tune.exporters import refuse_strange_target
+    from tune.documents import refuse_unknown
+    from tune.exporters import TARGETS
 
     names = dict.fromkeys(name.strip() for each in given for name in each.split(","))
     for name in names:
-        refuse_strange_target(name)
+        refuse_unknown("--to", "target", name, TARGETS)
     return [cast("Target", name) for name in names]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -79,3 +80,12 @@ class CheckFailedError(TuneError):
         self.unproved = unproved
         self.spent = spent
         super().__init__("check failed: " + "; ".join(failures))
+
+
+def refuse_unknown(subject: str, kind: str, given: object, known: Iterable[str]) -> None:
+    """Raise UsageError for a name that is none of a kind."""
+    from identification import UsageError
+
+    names = tuple(known)
+    if given not in names:
+        raise UsageError(subject, f"{given!r} is no {kind}", f"Choose from {', '.join(names)}")

@@ -17,6 +17,7 @@ from typing import Any, Literal, NotRequired, cast, get_args
 from typing_extensions import TypedDict
 
 from identification import InvalidInputError, UsageError, to_mapping
+from tune.documents import refuse_unknown
 from tune.documents.estimators import Derivative, Estimator, filter_of
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile, signed_content
 from tune.documents.scene import EffectName
@@ -44,7 +45,6 @@ __all__ = [
     "Target",
     "export",
     "refuse_strange_node",
-    "refuse_strange_target",
 ]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
@@ -522,12 +522,6 @@ def refuse_strange_node(node: str) -> None:
         raise UsageError("--node", f"{node!r} is no name of a node", remedy + "in /robot/haptune")
 
 
-def refuse_strange_target(target: str) -> None:
-    """Raise UsageError for what nothing is exported to."""
-    if target not in TARGETS:
-        raise UsageError("--to", f"{target!r} is no target", f"Choose from {', '.join(TARGETS)}")
-
-
 _WRITERS: dict[Target, Callable[[SafeProfile], dict[str, str]]] = {
     "c": _c_files,
     "chai3d": _chai3d_files,
@@ -550,7 +544,7 @@ def export(profile: SafeProfile, target: Target, *, node: str = "haptune") -> di
             switched fades.
         UsageError: no such target, no name of a node.
     """
-    refuse_strange_target(target)
+    refuse_unknown("--to", "target", target, TARGETS)
     refuse_strange_node(node)
     signed_content(to_mapping(profile), f"the profile of {profile.scene}")
     profile.device.require_stated()

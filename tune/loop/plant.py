@@ -424,6 +424,8 @@ class SampledPlant:
         given += [number for mode in modes for number in mode]
         given += () if hand is None else hand
         m, b, T, delay, lag, k, *rest = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
+        if not m.size:
+            raise LoopError(f"arrays of shape {m.shape} hold no device; give at least one")
         if not (np.all(m > 0) and np.all(T > 0)):
             raise LoopError(f"mass and sample time must be positive, not {m.min():g}, {T.min():g}")
         samples, fraction = split_delay(delay)

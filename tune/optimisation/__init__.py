@@ -26,7 +26,7 @@ from tune.certificate.certify import (
     refusal_of,
     skipped_parts,
 )
-from tune.documents import CheckFailedError, NoFeasibleEffectError
+from tune.documents import CheckFailedError, NoFeasibleEffectError, refuse_unknown
 from tune.documents.perception import Estimate, PerceptionTable, Scale, default_table
 from tune.documents.profile import (
     AbsoluteStability,
@@ -120,8 +120,11 @@ def optimise(
         NoFeasibleEffectError: nothing the scene asks for can be rendered, or nothing at all,
             because the device runs away by its own force.
         CheckFailedError: the independent check did not pass; nothing may be written.
+        UsageError: an effect to favour that is none.
     """
     device.require_stated()
+    if favour is not None:
+        refuse_unknown("favour", "effect", favour, EFFECT_NAMES)
     say = progress or _silent
     refusal = refusal_of(device, held=scene.hand != "none")
     if refusal is not None:

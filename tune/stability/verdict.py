@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import UsageError
+from tune.documents import refuse_unknown
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects
 from tune.loop.loop import Factors, Loop, Parts, Terms, divided, multiplied, part_of_loops
 from tune.loop.polynomials import (
@@ -434,8 +434,7 @@ def largest(loop: Loop, name: EffectName, effects: Effects | None = None) -> Flo
     Raises:
         UsageError: a name of no effect.
     """
-    if name not in EFFECT_NAMES:
-        raise UsageError("name", f"{name!r} is no effect", f"Choose from {', '.join(EFFECT_NAMES)}")
+    refuse_unknown("name", "effect", name, EFFECT_NAMES)
     others = {key: getattr(effects, key) for key in EFFECT_NAMES if effects and key != name}
     return _answered(
         lambda loop, effects: _connected_end(stable_values(loop, name, effects)),

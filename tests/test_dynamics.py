@@ -125,6 +125,20 @@ def test_mains_are_no_mode() -> None:
     assert found.device.mass.value == pytest.approx(1.0, rel=0.005)
 
 
+def test_a_wrong_delay_is_not_taken_for_friction() -> None:
+    """Force is 3 ms late and said to be prompt; what that leaves grows along a linear chirp."""
+    time = 1e-3 * np.arange(10000, dtype=np.float64)
+    shape = np.minimum(1.0, np.minimum(time, 10.0 - time) / 0.3)
+    force = shape * np.sin(2 * np.pi * (0.2 * time + 0.49 * time**2))
+    axis = Axis(mass=0.075, damping=0.2, coulomb=0.03, delay=3e-3)
+    place = counted(positions(axis, force[:, None])[:, 0], 2e-5)
+    hardware = Hardware.model_validate({"motion": "linear", "delay": 0.0})
+    found = identify(Trajectory(time=time, force=force, position=place), hardware=hardware)
+    assert "delay-contradicted" in codes_of(found)
+    assert "unmodelled-force" not in codes_of(found)
+    assert found.device.mass.value == pytest.approx(0.075, rel=0.005)
+
+
 def test_play_widens_the_mass_down_to_what_stands_before_it() -> None:
     found = found_in("backlash", "plain")
     assert "backlash" in codes_of(found)

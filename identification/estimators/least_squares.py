@@ -548,8 +548,8 @@ def shift_of_delay(table: Regression, delay: float) -> Delay:
     slope = (table.force(high) - table.force(low)) / (high - low)
     columns, force = np.vstack((-slope, table.columns)), table.force(delay)
     unit, norms = unit_columns(columns.T)
-    shift = float(np.linalg.lstsq(unit, force, rcond=None)[0][0] / norms[0])
-    residual = force + shift * slope - table.solve(delay) @ table.columns
+    weights = np.linalg.lstsq(unit, force, rcond=None)[0]
+    shift, residual = float(weights[0] / norms[0]), force - unit @ weights
     around = spread(columns, residual, 1, signal=force)
     return Delay(value=shift, deviation=float(np.sqrt(max(around.covariance[0, 0], 0.0))))
 

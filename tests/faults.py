@@ -685,6 +685,16 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "identification/fitting/__init__.py",
+        "tests/test_findings.py -k measured",
+        (
+            "a measured force that tells a delay",
+            "deviation=most / np.sqrt(12)) if stated is None else None,",
+            "deviation=0.0) if stated is None else None,",
+        ),
+        ("a measured force that is held", "if early is not None:", "if False:"),
+    ),
+    *_of(
         "identification/findings/forces.py",
         "tests/test_choice.py -k evidence",
         (

@@ -436,6 +436,33 @@ def test_a_delay_beyond_the_scan_is_refused_and_a_stated_one_is_not_doubted() ->
     assert "delay-unknown" not in warnings(late, Hardware(delay=quantity(14 * STEP)))
 
 
+def test_a_force_that_was_measured_tells_mass_but_no_delay() -> None:
+    """A hand shakes the device; a sensor reads its force with every position."""
+    fine = Axis(coulomb=0.8, sample_time=STEP / 4)
+    lines = np.array([0.5, 0.8, 1.3, 1.9, 2.6, 3.5, 4.6])
+
+    def push(time: Array) -> Array:
+        return 6 * np.sin(2 * np.pi * lines * (time[:, None] + lines)).sum(axis=1)
+
+    force = push(STEP * np.arange(4000, dtype=np.float64))
+    acted = push(fine.sample_time * (np.arange(16000, dtype=np.float64) + 0.5))
+    measured = log(force, counted(positions(fine, acted[:, None]), COUNT)[::4, 0])
+    found = identify(measured, hardware=Hardware(encoder_resolution=quantity(COUNT)))
+    (doubt,) = (each for each in found.findings if each.code != "not-stated")
+    assert doubt.code == "delay-unknown"
+    assert "it seems measured" in doubt.seen
+    assert found.device.mass.low <= fine.mass <= found.device.mass.high
+    assert "delay" in found.device.missing
+    late = Hardware(encoder_resolution=quantity(COUNT), delay=quantity(STEP))
+    assert identify(measured, hardware=late).device.delay.high == STEP
+    # As the remedy has it, and a force that was held.
+    mean = log(np.convolve(force, (0.5, 0.5))[1:], measured.position)
+    at_once = Hardware(encoder_resolution=quantity(COUNT), delay=quantity(0.0))
+    assert warnings(mean, at_once) == set()
+    held = log(force, counted(positions(Axis(coulomb=0.8), force[:, None]), COUNT)[:, 0])
+    assert "delay-unknown" not in warnings(held)
+
+
 @pytest.mark.parametrize(
     ("delay", "step"), thinned([(9.3e-3, 2e-4), (0.0072, 1e-3), (0.0035, 2e-3)], 1)
 )

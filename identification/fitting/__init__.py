@@ -11,7 +11,7 @@ from typing import Protocol, cast
 import numpy as np
 
 from identification.device.hardware import Hardware, SuggestedFacts
-from identification.device.quantities import Quantity
+from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
 from identification.estimators import GIVEN_A_DELAY
 from identification.estimators.estimate import (
@@ -38,6 +38,7 @@ from identification.estimators.motion import distinguishable_terms
 from identification.findings import contradicts_delay, judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
+from identification.fitting.early_force import acts_early, averaged, seems_measured
 from identification.fitting.log_fit import LogFit
 from identification.trajectory import NORMAL_95, FloatArray, Trajectory, encoder_count, most_excited
 
@@ -383,6 +384,17 @@ def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool
     stated = hardware.delay
     part = most_excited(trajectory)
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), ""
+    early = acts_early(part, prepared.table, prepared.delay)
+    if early is not None:
+        at_once = hardware.model_copy(update={"delay": quantity(0.0)})
+        again = fit_log(averaged(trajectory), at_once, method, rigid=rigid)
+        most = longest_delay(trajectory.sample_time, len(trajectory))
+        return replace(
+            again,
+            trajectory=trajectory,
+            delay=Delay(value=0.0, deviation=most / np.sqrt(12)) if stated is None else None,
+            findings=(*again.findings, seems_measured(trajectory, early)),
+        )
     explained = noise_explains(prepared)
     if explained is None:
         prepared, structure = _add_paying_terms(prepared)

@@ -225,15 +225,18 @@ def log_picture(trajectory: Trajectory) -> Figure:
 
 def _draw_log(part: SubFigure, device: Device, fit: LogFit) -> None:
     """Over time on the left; then spectrum, correlation, friction; the response on the right."""
-    known = _explained_force(fit.trajectory, device, fit.estimate.delay)
+    # What is stated of lag and modes is no more unexplained.
+    beside = fit.dynamics
+    log = fit.trajectory if beside is None or beside.findings else beside.log
+    known = _explained_force(log, device, fit.estimate.delay)
     _, force = _units_of(device)
     thirds: Any = part.subfigures(1, 3, width_ratios=(1.5, 1, 1))
     left, right, last = thirds
-    _draw_over_time(left.subplots(3, 1, sharex=True), fit.trajectory, device, known)
+    _draw_over_time(left.subplots(3, 1, sharex=True), log, device, known)
     spectrum, correlation, friction = right.subplots(3, 1)
     _draw_spectrum(spectrum, known, force)
     _draw_correlation(correlation, fit.estimate)
-    draw_friction(friction, fit.trajectory, device, fit.estimate, force)
+    draw_friction(friction, log, device, fit.estimate, force)
     _draw_response(last.subplots(2, 1, sharex=True), device, fit, force)
     part.suptitle(
         f"{fit.trajectory.source}, {fit.method}. {_fit_title(device, known)}", fontsize=10

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Hardware, Identification, Trajectory, identify
+from identification import Hardware, Identification, Trajectory, identified_picture, identify
 from tests.exact_axis import Axis, counted, positions
 from tests.simulated.catalogue.cases import Level, cases
 
@@ -83,6 +83,9 @@ def test_a_stated_lag_is_given_to_the_fit_and_held_against_a_log_without_one(lag
     assert found.device.mass.low <= 3.0 <= found.device.mass.high
     assert found.device.damping.low <= 10.0 <= found.device.damping.high
     assert found.device.delay.exact
+    if lags:
+        drawn = identified_picture(found.device, found.logs).subfigs[0].get_suptitle()
+        assert float(drawn.split("unexplained ")[1].split("%")[0]) < 2
 
 
 def test_a_mode_is_measured_and_carried() -> None:

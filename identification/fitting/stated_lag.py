@@ -45,7 +45,9 @@ def believed(free: LogFit, given: LogFit, stated: Quantity) -> LogFit:
     apart = max(shown - stated.high, stated.low - shown)
     before, after = _left(given), _left(free)
     if apart <= WRONG_DELAY * step or after >= _LEFT * before:
-        return replace(given, trajectory=log, dynamics=_with(given.dynamics, log, stated))
+        return replace(
+            given, trajectory=log, dynamics=_with(given.dynamics, given.trajectory, stated)
+        )
     if seen is None:
         seen = quantity(_NONE * step, source="log")
         told, right = "no lag of the force", "leave it out"

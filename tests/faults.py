@@ -1161,6 +1161,8 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/fitting/stated_lag.py",
         "tests/test_dynamics.py -k stated_lag",
+        ("the force behind a stated lag", "replace(trajectory, force=force)", "trajectory"),
+        ("a delay as doubtful as the lag", '{"delay": doubtful}', '{"delay": delay}'),
         ("a stated lag against the log", "if apart <= WRONG_DELAY", "if 1 or apart <= WRONG_DELAY"),
     ),
     *_of(

@@ -59,33 +59,56 @@ def test_a_stated_lag_that_the_log_contradicts_is_held_beside_that_of_the_log(
     assert abs(found.device.mass.value - 3.0) < 0.01
 
 
-@pytest.mark.parametrize("lags", [True, False])
-def test_a_stated_lag_is_given_to_the_fit_and_held_against_a_log_without_one(lags: bool) -> None:
-    step, lag, fine = 1e-3, 0.005, 8
+LAG = 0.005
+
+
+@cache
+def log_behind(lag: float) -> Trajectory:
+    """A log of 3 kg and 10 N·s/m with a delay of a sample and a lag, s, or 0."""
+    step, fine = 1e-3, 8
     generator = np.random.default_rng(4)
     held = generator.integers(50, 300, 60)
     force = np.repeat(5 * generator.uniform(-1, 1, held.size), held)[:3000]
     late = np.repeat(np.append(0.0, force[:-1]), fine)
-    if lags:
+    if lag:
         kept = 1 - np.exp(-step / fine / lag)
         late = np.array([*accumulate(late, lambda level, sent: level + kept * (sent - level))])
         late[1:] = (late[1:] + late[:-1]) / 2  # the mean of each fine step
     axis = Axis(mass=3.0, damping=10.0, sample_time=step / fine)
     place = counted(positions(axis, late[:, None])[::fine, 0], 6e-6)
     time = step * np.arange(force.size, dtype=np.float64)
-    log = Trajectory(time=time, force=force, position=place)
-    known = {"motion": "linear", "delay": step, "current_lag": lag}
+    return Trajectory(time=time, force=force, position=place)
+
+
+def found_behind(log: Trajectory, lag: object) -> Identification:
+    """What is told behind a stated lag; mass and damping are those of the log."""
+    known = {"motion": "linear", "delay": 1e-3, "current_lag": lag}
     found = identify(log, hardware=Hardware.model_validate(known))
-    assert codes_of(found) - {"not-stated"} == (set() if lags else {"drive-lag"})
-    assert found.device.current_lag is not None
-    assert found.device.current_lag.low == pytest.approx(lag if lags else 1e-6)
-    assert found.device.current_lag.high == lag
     assert found.device.mass.low <= 3.0 <= found.device.mass.high
     assert found.device.damping.low <= 10.0 <= found.device.damping.high
     assert found.device.delay.exact
-    if lags:
+    return found
+
+
+@pytest.mark.parametrize("lag", [LAG, 0.0])
+def test_a_stated_lag_is_given_to_the_fit_and_held_against_a_log_without_one(lag: float) -> None:
+    found = found_behind(log_behind(lag), LAG)
+    assert codes_of(found) - {"not-stated"} == (set() if lag else {"drive-lag"})
+    assert found.device.current_lag is not None
+    assert found.device.current_lag.low == pytest.approx(lag or 1e-6)
+    assert found.device.current_lag.high == LAG
+    if lag:
         drawn = identified_picture(found.device, found.logs).subfigs[0].get_suptitle()
         assert float(drawn.split("unexplained ")[1].split("%")[0]) < 2
+
+
+@pytest.mark.parametrize("stated", [0.0047, 0.0053])
+def test_what_a_stated_lag_leaves_in_doubt_is_in_the_intervals(stated: float) -> None:
+    doubt = {"value": stated, "low": stated - 5e-4, "high": stated + 5e-4}
+    found = found_behind(log_behind(LAG), doubt)
+    assert codes_of(found) <= {"not-stated"}
+    assert found.device.current_lag is not None
+    assert found.device.current_lag.low == pytest.approx(stated - 5e-4)
 
 
 def test_a_mode_is_measured_and_carried() -> None:

@@ -364,6 +364,30 @@ def test_the_gain_kept_on_a_device_of_less_damping_is_where_its_loop_becomes_uns
     assert 0 < found.gain <= first < found.gain + 0.02 * profile.margin.gain
 
 
+def test_a_profile_at_its_margin_outlives_the_next_log_of_the_same_device(here: Path) -> None:
+    """A lighter device is proved up to half of the least damping of one log, not of the next."""
+
+    def logged(value: float, half: float) -> Device:
+        return _device(damping={"value": value, "low": value - half, "high": value + half})
+
+    feather = Scene.model_validate({"elements": {"feather": {"damping": "min"}}})
+    profile = optimise(logged(10.0, 0.01), feather)
+    assert profile.elements["feather"].limited_by == {"damping": "gain-margin"}
+    Path("old.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    for value, half, at_margin in (
+        (9.995, 0.01, True),
+        (9.95, 0.01, False),  # changed
+        (9.9, 0.2, False),  # loses three hundredths of the margin
+    ):
+        found = compare(profile, logged(value, half))
+        assert (found.holds, found.at_margin) == (False, at_margin)
+        Path("new.yaml").write_text(to_yaml(to_mapping(logged(value, half))), encoding="utf-8")
+        ended = haptune("compare", "old.yaml", "new.yaml")
+        assert ended.code == (0 if at_margin else 6)
+        assert ended.out.startswith("at its margin: " if at_margin else "not proved: ")
+        assert ("with a gain margin of 1.98; tune again" in ended.out) is at_margin
+
+
 def test_kinds_that_cannot_be_compared_are_refused(profile: SafeProfile) -> None:
     with pytest.raises(UsageError, match="Swap them"):
         compare(_device(), profile)

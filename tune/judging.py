@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from identification import Device, Fact, Tabular, UsageError, as_stored, parse_document, to_mapping
 from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError, refuse_unknown
-from tune.documents.changes import Change, Interval, changes_of, exact, stated
+from tune.documents.changes import Change, Interval, changes_of, exact, renamed, stated
 from tune.documents.perception import Scale, default_table
 from tune.documents.profile import (
     AbsoluteStability,
@@ -363,9 +363,8 @@ def _nearest(task: DesignTask, filters: Filters, cut: frozenset[str]) -> Effects
     return problem.effects(problem.combinations[0], np.where(sizes > _MORE * lows, sizes, 0.0))
 
 
-#: What a file calls a device.
-_NAMEPLATE = "name", "axis", "serial"
-#: How closely the gain that is kept is found, as part of the margin.
+#: How closely the gain that is kept is found, as part of the margin, and how much of it the next
+#: log of a device that did not change may cost.
 _STEP = 0.01
 
 
@@ -394,6 +393,8 @@ class Comparison(Tabular):
         gain: margin that the old profile keeps there, as proved, with the extra delay of its
             margin; None without an old profile, or where forces or ripple are what fails.
         judged: whether there was an old profile to judge.
+        at_margin: whether it fails by less than a hundredth of its gain margin, all else proved, on
+            a device of which nothing changed beyond both intervals.
         felt: of the device's own mass, damping and friction, and of every effect.
         renamed: name, axis and serial number that are not the same, as "axis x → y".
     """
@@ -406,6 +407,7 @@ class Comparison(Tabular):
     judged: bool = False
     felt: tuple[Felt, ...] = ()
     renamed: tuple[str, ...] = ()
+    at_margin: bool = False
 
     def _rows(self) -> list[dict[str, object]]:
         steps = {felt.name: felt.steps for felt in self.felt}
@@ -446,27 +448,23 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         seen = f"the old device has {known[0]}, the new one {known[1]}"
         raise UsageError("OLD NEW", seen, "Compare files of the same axes")
     changes = changes_of(before, after)
-    told = {key: [getattr(each, key) for each in (before, after)] for key in _NAMEPLATE}
-    renamed = tuple(
-        f"{key} {one} → {other}"
-        for key, (one, other) in told.items()
-        if one and other and one != other
-    )
+    called = renamed(before, after)
     if isinstance(old, Device):
         if isinstance(new, SafeProfile):
             seen = "the old file is a device, the new one a profile"
             raise UsageError("OLD NEW", seen, "Swap them")
         felt = tuple(_felt(old, after))
-        return Comparison(kind="devices", changes=changes, felt=felt, renamed=renamed)
-    failures: tuple[str, ...] = ()
-    gain = old.margin.gain
+        return Comparison(kind="devices", changes=changes, felt=felt, renamed=called)
+    failures, gain, nearly = tuple[str, ...](), old.margin.gain, False
     after.require_stated()
     try:
         certify(_moved(old, after), witnesses=_witnesses(old, gain))
     except CheckFailedError as error:
-        failures = error.failures
-        kept = _kept_gain(old, after)
-        gain = kept if kept < old.margin.gain else None
+        failures, most = error.failures, (1 - _STEP) * gain
+        unchanged = not any(change.beyond for change in changes)
+        nearly = unchanged and _is_proved(old, _moved(old, after), most)
+        kept = most if nearly else _kept_gain(old, after)
+        gain = kept if kept < gain else None
     both = isinstance(new, SafeProfile)
     return Comparison(
         kind="profiles" if both else "profile and device",
@@ -476,7 +474,8 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
         gain=gain,
         judged=True,
         felt=(*_felt(before, after), *(_felt_effects(old, new) if both else ())),
-        renamed=renamed,
+        renamed=called,
+        at_margin=nearly,
     )
 
 
@@ -568,20 +567,21 @@ def _kept_gain(design: SafeProfile, device: Device) -> float:
     )
     kept, lost = 0.0, design.margin.gain
 
-    def is_proved(gain: float) -> bool:
-        margin = moved.margin.model_copy(update={"gain": gain})
-        try:
-            certify(moved.model_copy(update={"margin": margin}), witnesses=_witnesses(design, gain))
-        except CheckFailedError:
-            return False
-        return True
-
-    if is_proved(lost):
+    if _is_proved(design, moved, lost):
         return lost
     while lost - kept > _STEP * design.margin.gain:
         middle = (kept + lost) / 2
-        kept, lost = (middle, lost) if is_proved(middle) else (kept, middle)
+        kept, lost = (middle, lost) if _is_proved(design, moved, middle) else (kept, middle)
     return kept
+
+
+def _is_proved(design: SafeProfile, moved: Design, gain: float) -> bool:
+    margin = moved.margin.model_copy(update={"gain": gain})
+    try:
+        certify(moved.model_copy(update={"margin": margin}), witnesses=_witnesses(design, gain))
+    except CheckFailedError:
+        return False
+    return True
 
 
 def _witnesses(design: SafeProfile, gain: float) -> dict[str, AbsoluteStability]:

@@ -85,6 +85,12 @@ def changes_of(old: Device, new: Device) -> tuple[Change, ...]:
     return stated(sides)
 
 
+def renamed(old: Device, new: Device) -> tuple[str, ...]:
+    """Name, axis and serial number that both state and that are not the same, as "axis x → y"."""
+    sides = ((key, getattr(old, key), getattr(new, key)) for key in ("name", "axis", "serial"))
+    return tuple(f"{key} {a} → {b}" for key, a, b in sides if a and b and a != b)
+
+
 def _entries(old: Device, new: Device) -> dict[str, list[Interval | None]]:
     """What axes have each, pose by pose; over all poses where there are not as many."""
     tables = [device.by_axis() for device in (old, new)]

@@ -221,6 +221,7 @@ class CompareDetails(Details, total=False):
     felt: list[dict[str, Any]]
     renamed: list[str]
     holds: bool | None
+    at_margin: bool
     gain: float | None
 
 

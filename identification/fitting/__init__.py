@@ -387,7 +387,7 @@ def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool
     early = acts_early(part, prepared.table, prepared.delay)
     if early is not None:
         at_once = hardware.model_copy(update={"delay": quantity(0.0)})
-        again = fit_log(averaged(trajectory), at_once, method, rigid=rigid)
+        again = _fit(averaged(trajectory), at_once, method, rigid=rigid)
         most = longest_delay(trajectory.sample_time, len(trajectory))
         return replace(
             again,

@@ -1180,6 +1180,12 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_dynamics.py -k stated_lag",
         ("a lag of the log beside the one stated", '{"low": low, "high": high})', '{"low": low})'),
     ),
+    *_of(
+        "identification/fitting/dynamics.py",
+        "tests/test_dynamics.py -k behind_a_spring",
+        ("an encoder that a spring parts from the drive", ' or told.needed != ""', ""),
+        ("friction that passes the spring", "driven(against) * moving", "driven(0 * against)"),
+    ),
     # Elements that are alike: one stands for all.
     *_of(
         "tune/documents/scene.py",

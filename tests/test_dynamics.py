@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from itertools import accumulate
 from typing import Any
@@ -9,8 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Hardware, Identification, Trajectory, identified_picture, identify
+from identification import (
+    Hardware,
+    Identification,
+    LogRefusedError,
+    Trajectory,
+    identified_picture,
+    identify,
+)
 from tests.exact_axis import Axis, counted, positions
+from tests.outside_axis import Axis as OutsideAxis
+from tests.outside_axis import Body, Drive, play
 from tests.simulated.catalogue.cases import Level, cases
 
 #: Half-widths of 95 % within which an estimate of one log has to lie.
@@ -132,6 +142,27 @@ def test_a_stated_mode_is_held_beside_that_of_the_log(hertz: float, part: float)
     assert near[0].damping_ratio.low < 0.02 < near[0].damping_ratio.high
     assert hertz in {each.frequency_hz.value for each in found.device.modes}
     assert ("vibration-mode" in codes_of(found)) is ((hertz, part) != (11.0, 0.65))
+
+
+def test_an_encoder_behind_a_spring_is_refused() -> None:
+    """The load of a drive of two masses is read, which swing on at 30 Hz; swept to 15 Hz."""
+    time = 1e-3 * np.arange(10000, dtype=np.float64)
+    shape = np.minimum(1.0, np.minimum(time, 10.0 - time) / 0.3)
+    phase = 0.6 * np.pi * 10.0 / np.log(50.0) * (50.0 ** (time / 10.0) - 1)
+    omega, reduced = 2 * np.pi * 30.0, 1.8 * 1.2 / 3.0
+    load = Body(mass=1.2, stiffness=reduced * omega**2, damping=0.06 * reduced * omega)
+    axis = OutsideAxis(mass=1.8, damping=10.0, coulomb=0.8, body=load)
+    drive = Drive(sample_time=1e-3, plan=14 * shape * np.sin(phase), delay=1e-3, count=6e-6)
+    played = play(axis, drive, np.random.default_rng(0))
+    place = counted(played.reading + played.apart, 6e-6)
+    hardware = Hardware.model_validate({"motion": "linear", "delay": 1e-3})
+    with pytest.raises(LogRefusedError) as refused:
+        identify(Trajectory(time=time, force=played.command, position=place), hardware=hardware)
+    (found,) = [each for each in refused.value.findings if each.severity == "refusal"]
+    assert found.code == "vibration-mode"
+    hertz = re.search(r"at ([\d.]+) ± ", found.seen)
+    assert hertz is not None
+    assert float(hertz[1]) == pytest.approx(30.0, rel=0.02)
 
 
 def test_mains_are_no_mode() -> None:

@@ -1,4 +1,4 @@
-"""Filters: convolution and difference equations, the low-pass of a regression, and whitening.
+"""Filters: convolution, difference equations, a low-pass, a resonance, and whitening.
 
 The first two are what ``scipy.signal`` offers as well, whose package takes longer to load than a
 log to identify. Whitening is for what colours a residual in bands that no moving average of two
@@ -94,6 +94,33 @@ def recursive(rows: FloatArray, *past: FloatArray | float) -> FloatArray:
         # The diagonal below the main one begins with the row that is the first to look back so far.
         band[back, : count - back] = weight[back:] if isinstance(weight, np.ndarray) else weight
     return dtbtrs(band, np.atleast_2d(rows).T, uplo="L", diag="U")[0].T.reshape(rows.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """A mass on a spring and damper (bilinear transform, exact at the frequency)."""
+
+    first: FloatArray  # weights of the last three values of what drives it
+    last: FloatArray  # of its own
+
+    @classmethod
+    def of(cls, logarithms: FloatArray, step: float) -> Spring:
+        """By the logarithms of frequency, Hz, and damping ratio."""
+        omega, rate = 2 / step * np.tan(np.pi * np.exp(logarithms[0]) * step), 2 / step
+        damped, square = 2 * np.exp(logarithms[1]) * omega * rate, omega**2
+        first = np.array([square + damped, 2 * square, square - damped])
+        last = first + rate**2 * np.array([1.0, -2.0, 1.0])
+        return cls(first / last[0], last / last[0])
+
+    def driven(self, column: FloatArray) -> FloatArray:
+        """What it makes of the motion of its spring's other end, from rest."""
+        before = np.pad(column - column[0], (2, 0))
+        rows = self.first @ np.stack((before[2:], before[1:-1], before[:-2]))
+        return recursive(rows, self.last[1], self.last[2]) + column[0]
+
+    def ringing(self, count: int) -> FloatArray:
+        """Free motions from the first and from the second sample on, shape (2, n)."""
+        return recursive(np.eye(2, count), self.last[1], self.last[2])
 
 
 def _quick(least: int) -> int:

@@ -18,7 +18,7 @@ from identification.device.hardware import AS_STATED, Hardware, Mode, is_near
 from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
 from identification.estimators.estimate import Estimate, Solution, solve_separable, spread
-from identification.estimators.filters import LowPass, recursive
+from identification.estimators.filters import LowPass, Spring, recursive
 from identification.estimators.least_squares import LEAST, LOUD, Regression, prepare
 from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
 from identification.trajectory import NORMAL_95, ComplexArray, FloatArray, Trajectory, excited_part
@@ -26,17 +26,18 @@ from identification.trajectory import NORMAL_95, ComplexArray, FloatArray, Traje
 #: Rows looked at; more add time, not truth.
 _LONGEST = 1 << 15
 #: A kind leaves at most this part of the mean square of the residual that is not noise, play, whose
-#: impacts no model follows, the second; at most these parts of what a delay and a simpler kind
-#: leave. A search begins if the best of a scan takes at least the last part away.
-_LEFT, _BY_PLAY, _THAN_DELAY, _BETTER, _HINT = 0.4, 0.7, 0.9, 0.7, 0.1
+#: impacts no model follows, the second, a spring before the encoder, where drives stick, the third
+#: (devices without one leave 0.64 or more); at most the next parts of what a delay and a simpler
+#: kind leave. A search begins if the best of a scan takes at least the last part away.
+_LEFT, _BY_PLAY, _BY_SPRING, _THAN_DELAY, _BETTER, _HINT = 0.4, 0.7, 0.6, 0.9, 0.7, 0.1
 #: Play is looked for where so much of the force is left, rms; what is left of it beyond the next
 #: part bounds nothing of what else is there, beside the impacts of play the last.
 _FOR_PLAY, _MOST, _MOST_BY_PLAY = 0.012, 0.15, 0.3
 #: Time constants of a drive, s.
 _LAGS = (2e-4, 2e-2)
-#: Resonances from so many periods in the log to this multiple of the cut-off, and their damping
-#: ratios: what is damped more does not vibrate.
-_PERIODS, _ABOVE, _DAMPED = 8.0, 2.5, (2e-3, 0.3)
+#: Resonances from so many periods in the log to this multiple of the cut-off, before the encoder
+#: to the next; their damping ratios, as what is damped more does not vibrate, and those tried.
+_PERIODS, _ABOVE, _FAR_ABOVE, _DAMPED, _TRIED = 8.0, 2.5, 5.0, (2e-3, 0.3), (0.02, 0.1)
 #: Gaps, parts of the travel; how what is in the gap loses its speed, 1/s, and what of it impacts
 #: give back. Its course is taken at this multiple of the cut-off: impacts are fast.
 _FINER = 3.0
@@ -100,6 +101,7 @@ class _Told:
     mode: Mode | None = None
     near_mass: float | None = None
     code: str = ""  # of the finding, if it is not that of the kind
+    needed: str = ""  # where the device is refused however well the kind explains the log
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +145,13 @@ class _Kind:
     def delay_of(self, theta: FloatArray) -> float:
         late = self.given if self.given is not None else float(theta[-1]) * self.step
         return min(max(late, 0.0), self.table.known * self.step)
+
+    def _swinging(self, above: float) -> tuple[tuple[float, float], ...]:
+        """Logs of the bounds of a resonance and of its damping ratio."""
+        slowest = _PERIODS / (self.table.signals.position.size * self.step)
+        fastest = min(above * self.table.cut_off.frequency, 0.2 / self.step)
+        pairs = np.log(((min(slowest, fastest), fastest), _DAMPED)).tolist()
+        return tuple((low, high) for low, high in pairs)
 
     def fitted(self) -> Solution | None:
         """The best fit; None where there is none, or none of a device."""
@@ -195,12 +204,17 @@ class _Lag(_Kind):
         return ((float(np.log(_LAGS[0])), float(np.log(_LAGS[1]))),)
 
     def start(self) -> FloatArray:
-        basis, costs = np.linalg.qr(self.table.columns.T)[0], list[float]()
-        places = np.linspace(*self.ranges()[0], _SCAN)[:, None]
-        for theta in places:
-            force = self._force(theta, self.later(theta) if self.given is None else self.given)
-            costs.append(float(force @ force - np.sum((force @ basis) ** 2)))
+        costs, places = list[float](), self.places()
+        for place in places:
+            late = [] if self.given is not None else [self.later(place) / self.step]
+            columns, force = self.at(np.array([*place, *late]))
+            left = force - np.linalg.lstsq(columns.T, force)[0] @ columns
+            costs.append(float(left @ left))
         return places[int(np.argmin(costs))]
+
+    def places(self) -> FloatArray:
+        """Own parameters that a scan tries, shape (places, own)."""
+        return np.linspace(*self.ranges()[0], _SCAN)[:, None]
 
     def later(self, start: FloatArray) -> float:
         return max(self.late - float(np.exp(start[0])), 0.0)
@@ -230,6 +244,55 @@ class _Lag(_Kind):
             remedy=f"State current_lag: {_written(lag)} in the hardware file, as it is certified "
             "now, or make the current loop faster.",
             current_lag=lag,
+        )
+
+
+class _Elastic(_Lag):
+    """A spring from the drive to what the encoder reads, θ = logs of frequency, damping ratio.
+
+    x/F = 1/(m·s²) - 1/(m·(s² + 2·ζ·ω·s + ω²)) for two masses: the force passes a resonance, and so
+    does friction where it acts on the drive.
+    """
+
+    __slots__ = ()
+    code = "vibration-mode"
+
+    def ranges(self) -> tuple[tuple[float, float], ...]:
+        return self._swinging(_FAR_ABOVE)
+
+    def places(self) -> FloatArray:
+        grid = np.meshgrid(np.linspace(*self.ranges()[0], 3 * _SCAN), np.log(_TRIED))
+        return np.stack(grid, axis=-1).reshape(-1, 2)
+
+    later = _Kind.later
+
+    def is_physical(self, found: Solution) -> bool:
+        low, high = np.array(self.ranges()).T
+        inside = np.abs(found.theta[:2] - (low + high) / 2) < (high - low) / 2 - _NUDGE
+        return _Lag.is_physical(self, found) and bool(np.all(inside))
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        columns, force = _Lag.at(self, theta)
+        if not self.table.model.coulomb:
+            return columns, force
+        moving = self.table.motion.moving
+        against = self.table.motion.direction.mean() * moving
+        passed = HeldColumn.constant(
+            Spring.of(theta, self.step).driven(against) * moving, self.step
+        )
+        return np.vstack((columns, self.table.filtered(passed))), force
+
+    def _lagged(self, force: FloatArray, theta: FloatArray) -> FloatArray:
+        return Spring.of(theta, self.step).driven(force)
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        hertz = _around(found.theta[0], around[len(found.weights), len(found.weights)])
+        return _Told(
+            seen=f"a spring between the drive and what the encoder reads: they swing against each "
+            f"other at {_range(hertz)} Hz",
+            needed="an encoder that moves with the drive",
+            remedy="Read the encoder of the motor, or stiffen what lies between it and the drive: "
+            "a loop around this one can shake where the certificate of a rigid device holds.",
         )
 
 
@@ -313,16 +376,13 @@ class _Resonance(_Beside):
     code = "vibration-mode"
 
     def ranges(self) -> tuple[tuple[float, float], ...]:
-        slowest = _PERIODS / (self.table.signals.position.size * self.step)
-        fastest = min(_ABOVE * self.table.cut_off.frequency, 0.2 / self.step)
-        pairs = np.log(((min(slowest, fastest), fastest), _DAMPED)).tolist()
-        return tuple((low, high) for low, high in pairs)
+        return self._swinging(_ABOVE)
 
     def start(self) -> FloatArray | None:
         places = np.linspace(*self.ranges()[0], 3 * _SCAN)
-        tried = [np.array((place, damped)) for place in places for damped in np.log((0.02, 0.1))]
+        tried = [np.array((place, damped)) for place in places for damped in np.log(_TRIED)]
         bend = self.table.columns[0]
-        best, gain = self.pick([self._driven(each, bend) - bend for each in tried])
+        best, gain = self.pick([Spring.of(each, self.step).driven(bend) - bend for each in tried])
         return tried[best] if gain >= _HINT else None
 
     def is_physical(self, found: Solution) -> bool:
@@ -330,36 +390,17 @@ class _Resonance(_Beside):
 
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         position = self.table.signals.position
-        apart = self._driven(theta, position) - position
-        courses = (apart, *self._ringing(theta, position.size))
+        spring = Spring.of(theta, self.step)
+        courses = (spring.driven(position) - position, *spring.ringing(position.size))
         return self.beside(theta, *(self.acceleration(each) for each in courses))
 
     def apart(self, found: Solution, position: FloatArray) -> FloatArray:
-        apart = self._driven(found.theta, position) - position
+        spring = Spring.of(found.theta, self.step)
+        apart = spring.driven(position) - position
         if position.size != self.table.signals.position.size:  # of a long log a part was looked at
             return apart
         begun = found.weights[len(self.table.columns) :]
-        return apart + begun[1:] / begun[0] @ self._ringing(found.theta, position.size)
-
-    def _weights(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Weights of the last three of input and output (bilinear transform, exact at ω)."""
-        omega, rate = 2 / self.step * np.tan(np.pi * np.exp(theta[0]) * self.step), 2 / self.step
-        damped, square = 2 * np.exp(theta[1]) * omega * rate, omega**2
-        first = np.array([square + damped, 2 * square, square - damped])
-        last = first + rate**2 * np.array([1.0, -2.0, 1.0])
-        return first / last[0], last / last[0]
-
-    def _driven(self, theta: FloatArray, column: FloatArray) -> FloatArray:
-        """What the mass on the spring makes of the motion of its other end, from rest."""
-        first, last = self._weights(theta)
-        before = np.pad(column - column[0], (2, 0))
-        driven = first[0] * before[2:] + first[1] * before[1:-1] + first[2] * before[:-2]
-        return recursive(driven, last[1], last[2]) + column[0]
-
-    def _ringing(self, theta: FloatArray, count: int) -> FloatArray:
-        """Free motions from the first and from the second sample on, shape (2, n)."""
-        _, last = self._weights(theta)
-        return recursive(np.eye(2, count), last[1], last[2])
+        return apart + begun[1:] / begun[0] @ spring.ringing(position.size)
 
     def told(self, found: Solution, around: FloatArray) -> _Told:
         count, own = len(self.table.columns), len(found.weights)
@@ -473,7 +514,7 @@ def find_dynamics(
     given = None if hardware.delay is None else late
     best: tuple[_Kind, Solution] | None = None
     cost = before
-    for make in (_Kind, _Lag, _Load, _Resonance, _Play):
+    for make in (_Kind, _Lag, _Load, _Elastic, _Resonance, _Play):
         lowest = _FOR_PLAY if make is _Play else LEAST  # play takes longest to look for
         quiet = cost < max(lowest**2 * power, LOUD * noise) and make is not _Lag
         known = (
@@ -483,7 +524,8 @@ def find_dynamics(
             continue
         kind = make(table, residual, None if make is _Kind else given, late)
         found = kind.fitted()
-        most = noise + (_BY_PLAY if make is _Play else _LEFT) * (before - noise)
+        part = _BY_PLAY if make is _Play else _BY_SPRING if make is _Elastic else _LEFT
+        most = noise + part * (before - noise)
         better = 1.0 if best is None else _THAN_DELAY if best[0].code == "" else _BETTER
         if found is not None and found.cost < min(most, better * cost):
             best, cost = (kind, found), found.cost
@@ -519,13 +561,14 @@ def _described(
     shared = around[:count, count:]
     doubt = shared @ np.linalg.pinv(around[count:, count:], hermitian=True) @ shared.T
     most = _MOST_BY_PLAY if isinstance(kind, _Play) else _MOST
-    told, refused = kind.told(found, around), share > most
+    told = kind.told(found, around)
+    refused = share > most or told.needed != ""
     named = Finding(
         code=told.code or kind.code,
         severity="refusal" if refused else "warning",
         seen=f"{log.source} shows {told.seen}; with it {left:.0%} is left of the mean square that "
         f"mass, damping and friction miss of the force{_departure(kind)}",
-        needed=f"at most {most:.0%} of the force explained by neither"
+        needed=told.needed or f"at most {most:.0%} of the force explained by neither"
         if refused
         else "a device that moves as one mass, driven by the force as commanded",
         remedy=told.remedy,

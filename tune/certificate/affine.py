@@ -73,9 +73,7 @@ class AffineForm:
             size_r, size_i = np.abs(turn.real), np.abs(turn.imag)
             real = real + size_r * form.real + size_i * form.imag
             imag = imag + size_r * form.imag + size_i * form.real
-        error = ROUNDING * (
-            np.abs(centre) + np.abs(x) * _reach(other.slopes) + np.abs(y) * _reach(self.slopes)
-        )
+        error = ROUNDING * (np.abs(centre) + np.abs(x) * (yr + yi) + np.abs(y) * (xr + xi))
         return AffineForm(centre, slopes, real + error, imag + error)
 
     __rmul__ = __mul__
@@ -94,8 +92,8 @@ class AffineForm:
     def _spread(self) -> tuple[FloatArray, FloatArray]:
         """Bounds of real and imaginary part of what is added to the centre."""
         return (
-            np.sum(np.abs(self.slopes.real), axis=0) + self.real,
-            np.sum(np.abs(self.slopes.imag), axis=0) + self.imag,
+            np.add.reduce(np.abs(self.slopes.real)) + self.real,
+            np.add.reduce(np.abs(self.slopes.imag)) + self.imag,
         )
 
     def spread(self) -> FloatArray:
@@ -282,4 +280,4 @@ def range_of(term: Term) -> tuple[float, float]:
 
 def _reach(slopes: ComplexArray) -> FloatArray:
     """Bound of the modulus of the straight part."""
-    return np.sum(np.abs(slopes), axis=0)
+    return np.add.reduce(np.abs(slopes))

@@ -17,11 +17,12 @@ import numpy as np
 from identification.device.hardware import AS_STATED, Hardware, Mode, is_near
 from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
-from identification.estimators.estimate import Estimate, Solution, solve_separable, spread
+from identification.estimators.estimate import Solution, solve_separable, spread
 from identification.estimators.filters import LowPass, Spring, recursive
 from identification.estimators.least_squares import LEAST, LOUD, Regression, prepare
 from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
-from identification.trajectory import NORMAL_95, ComplexArray, FloatArray, Trajectory, excited_part
+from identification.fitting.log_fit import Dynamics
+from identification.trajectory import NORMAL_95, FloatArray, Trajectory, excited_part
 
 #: Rows looked at; more add time, not truth.
 _LONGEST = 1 << 15
@@ -45,50 +46,8 @@ _GAPS = (1e-3, 0.1)
 _COASTS = ((0.0, 0.0), (0.0, 0.4), (0.0, 0.7), (10.0, 0.0), (10.0, 0.5), (np.inf, 0.0))
 _SCAN = 9  # values of a parameter in a scan; of a resonance, which is sharp, three times as many
 _NUDGE = 1e-3  # step of numerical derivatives, of logarithms and samples
-_DAMPED_ALIKE = (
-    2.0  # a stated mode agrees with one found if the damping ratio is within this factor
-)
+_DAMPED_ALIKE = 2.0  # a stated mode agrees with one found within this factor of its damping ratio
 _COHERENT = 0.8  # coherence of the bands that a finding names
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics:
-    """What one log shows between force and position beside a rigid device."""
-
-    log: Trajectory  # with the force that a rigid device would have needed
-    doubt: FloatArray  # covariance that its parameters add to those of the model, shape (p, p)
-    left: float  # part of the residual that may still move mass and damping
-    share: float  # of the force that it leaves, rms
-    findings: tuple[Finding, ...]  # none where the hardware states it
-    current_lag: Quantity | None  # s
-    mode: Mode | None
-    near_mass: float | None  # kg (kg·m²) that moves alone while the gap is open
-
-    def response(self, rigid: ComplexArray, mass: float, frequency: FloatArray) -> ComplexArray:
-        """Acceleration per force with the lag or the mode beside the rigid one, (bands,)."""
-        turned = (2j * np.pi * frequency).astype(np.complex128)
-        if self.mode is not None:
-            omega, part = 2 * np.pi * self.mode.frequency_hz.value, self.mode.at_encoder**2
-            damped = 2 * self.mode.damping_ratio.value * omega
-            bent = turned**2 / (turned**2 + damped * turned + omega**2)
-            rigid = rigid + part / mass * bent
-        lag = 0.0 if self.current_lag is None else self.current_lag.value
-        return rigid / (1 + lag * turned)
-
-    def carried_by(self, estimate: Estimate, before: Estimate) -> Estimate:
-        """An estimate from ``log`` with its doubt, and the one before it, without the dynamics."""
-        values, covariance = estimate.values.copy(), estimate.covariance.copy()
-        count = min(len(covariance), len(self.doubt))
-        covariance[:count, :count] += self.doubt[:count, :count]
-        covariance[:2, :2] += np.diag((self.left * (values[:2] - before.values[:2])) ** 2)
-        if self.near_mass is not None and values[0] > self.near_mass:
-            # What a loop feels lies between the mass before the gap and all of it.
-            half = 0.5 * np.log(values[0] / self.near_mass)
-            values[0] *= np.exp(-half)
-            covariance[0, 0] += (values[0] * half / NORMAL_95) ** 2
-            # Impacts take energy, as damping does.
-            covariance[1, 1] += (values[1] * self.share / NORMAL_95) ** 2
-        return replace(estimate, values=values, covariance=covariance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

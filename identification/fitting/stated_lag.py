@@ -14,8 +14,8 @@ from identification.device.hardware import Hardware
 from identification.device.quantities import Quantity, quantity
 from identification.errors import Finding
 from identification.findings import WRONG_DELAY
-from identification.fitting.dynamics import Dynamics, lagged
-from identification.fitting.log_fit import LogFit
+from identification.fitting.dynamics import lagged
+from identification.fitting.log_fit import Dynamics, LogFit
 from identification.trajectory import Trajectory
 
 #: The lag of the log leaves at most this part of the mean square that the one stated leaves.

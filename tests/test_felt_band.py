@@ -84,19 +84,16 @@ def test_effects_raised_together_keep_to_it_with_any_filters(
     device: str, effects: tuple[str, ...]
 ) -> None:
     rng = np.random.default_rng(len(device) + len(effects))
-    kept = 0
-    for _ in range(2):
-        velocity, acceleration = np.exp(rng.uniform(np.log([40, 20]), np.log([200, 60])))
-        profile = _tuned(
-            device,
-            dict.fromkeys(effects, "max"),
-            velocity_filter_hz=float(velocity),
-            acceleration_filter_hz=float(acceleration),
-            filter_damping_ratio=float(rng.uniform(0.4, 1)),
-        )
-        assert _broken(device, profile) == []
-        kept += len(profile.elements["it"].perceived_steps)
-    assert kept >= 2
+    velocity, acceleration = np.exp(rng.uniform(np.log([40, 20]), np.log([200, 60])))
+    profile = _tuned(
+        device,
+        dict.fromkeys(effects, "max"),
+        velocity_filter_hz=float(velocity),
+        acceleration_filter_hz=float(acceleration),
+        filter_damping_ratio=float(rng.uniform(0.4, 1)),
+    )
+    assert _broken(device, profile) == []
+    assert profile.elements["it"].perceived_steps
 
 
 def test_a_damper_does_not_repay_the_damping_of_a_mass_by_its_lag() -> None:

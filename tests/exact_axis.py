@@ -23,27 +23,38 @@ class Axis:
     delay: float = 0.0
 
 
-def _free(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Array]:
-    """Travel and speed after ``span`` seconds of m·dv/dt + b·v = pull."""
-    rate = np.asarray(axis.damping) / np.asarray(axis.mass) + np.zeros_like(speed)
-    lossless = rate == 0
-    rate = np.where(lossless, 1.0, rate)
-    drive = pull / axis.mass
-    loss = -np.expm1(-rate * span)
-    end = speed * (1 - loss) + drive * loss / rate
-    travel = speed * loss / rate + drive * (span - loss / rate) / rate
-    end = np.where(lossless, speed + drive * span, end)
-    travel = np.where(lossless, speed * span + drive * span**2 / 2, travel)
-    return travel, end
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Travel and speed after a span of m·dv/dt + b·v = pull, by speed and by pull over mass."""
+
+    span: Array
+    travel: tuple[Array, Array]
+    speed: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, axis: Axis, span: Array) -> Step:
+        rate = np.asarray(axis.damping) / np.asarray(axis.mass) + np.zeros_like(span)
+        lossless = rate == 0
+        rate = np.where(lossless, 1.0, rate)
+        loss = -np.expm1(-rate * span)
+        slid = np.where(lossless, span, loss / rate)
+        driven = np.where(lossless, span**2 / 2, (span - loss / rate) / rate)
+        return cls(span, (slid, driven), (np.where(lossless, 1.0, 1 - loss), slid))
+
+    def moved(self, speed: Array, drive: Array) -> tuple[Array, Array]:
+        travel, after = self.travel, self.speed
+        return speed * travel[0] + drive * travel[1], speed * after[0] + drive * after[1]
 
 
-def advance(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, Array]:
-    """Travel and speed over ``span`` under a constant force less offset, with stick and slip."""
-    moving = np.sign(speed)
+def advance(axis: Axis, speed: Array, pull: Array, step: Step) -> tuple[Array, Array]:
+    """Travel and speed over a step under a constant force less offset, with stick and slip."""
+    if np.ndim(axis.coulomb) == 0 and axis.coulomb == 0:
+        return step.moved(speed, pull / axis.mass)
+    moving, span = np.sign(speed), step.span
     held = np.abs(pull) <= axis.coulomb
     direction = np.where(moving != 0, moving, np.where(held, 0.0, np.sign(pull)))
     net = np.where(direction == 0, 0.0, pull - axis.coulomb * direction)
-    travel, end = _free(axis, speed, net, span)
+    travel, end = step.moved(speed, net / axis.mass)
     crossed = (direction * end < 0) & (moving != 0)
     if crossed.any():
         rate = np.asarray(axis.damping) / np.asarray(axis.mass) + np.zeros_like(speed)
@@ -53,10 +64,10 @@ def advance(axis: Axis, speed: Array, pull: Array, span: Array) -> tuple[Array, 
         slow = np.abs(rate) < 1e-12
         stop = np.where(slow, ratio, np.log1p(rate * ratio) / np.where(slow, 1.0, rate))
         stop = np.clip(stop, 0.0, span)
-        first, _ = _free(axis, speed, net, stop)
+        first, _ = Step.of(axis, stop).moved(speed, drive)
         again = np.where(held, 0.0, np.sign(pull))
         rest = np.where(again == 0, 0.0, pull - axis.coulomb * again)
-        second, late = _free(axis, np.zeros_like(speed), rest, span - stop)
+        second, late = Step.of(axis, span - stop).moved(np.zeros_like(speed), rest / axis.mass)
         travel = np.where(crossed, first + second, travel)
         end = np.where(crossed, late, end)
     return travel, end
@@ -90,16 +101,15 @@ def closed_loop(
     place = np.zeros(runs)
     rate = np.zeros(runs) + speed
     out, force = np.empty(shape), np.empty(shape)
+    early, late = (Step.of(axis, np.full(runs, each * step)) for each in (part, 1 - part))
     for k in range(samples):
         out[k] = place
         force[k] = law(k, place)
         extra = -np.asarray(axis.offset) + (0.0 if disturbance is None else disturbance[k])
         if part:
-            span = np.full(runs, part * step)
-            travel, rate = advance(axis, rate, force[max(k - whole - 1, 0)] + extra, span)
+            travel, rate = advance(axis, rate, force[max(k - whole - 1, 0)] + extra, early)
             place = place + travel
-        span = np.full(runs, (1 - part) * step)
-        travel, rate = advance(axis, rate, force[max(k - whole, 0)] + extra, span)
+        travel, rate = advance(axis, rate, force[max(k - whole, 0)] + extra, late)
         place = place + travel
     return out, force
 

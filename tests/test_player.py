@@ -22,7 +22,7 @@ import pytest
 from datasets_synthetic import Rig, named_rig
 from identification import load_device
 from tests.commands import haptune
-from tests.exact_axis import Axis, advance, counted
+from tests.exact_axis import Axis, Step, advance, counted
 from tests.guard import FLAGS
 
 
@@ -96,7 +96,8 @@ class SteppedDevice:
 
     def _move(self, force: float, span: float) -> None:
         pull = np.full(1, force) - self._axis.offset
-        travel, self._speed = advance(self._axis, self._speed, pull, np.full(1, span))
+        step = Step.of(self._axis, np.full(1, span))
+        travel, self._speed = advance(self._axis, self._speed, pull, step)
         self._place = self._place + travel
 
 

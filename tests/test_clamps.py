@@ -203,7 +203,7 @@ def test_a_block_whose_damper_lags_far_longer_than_a_walls_is_met_with_it() -> N
     [
         ({"stiffness": "max"}, 10.0, 1000.0, False),
         ({"damping": 6.0}, 6.0, 400.0, False),
-        ({"stiffness": 60.0, "damping": "max"}, 60.0, 1000.0, True),
+        ({"stiffness": 90.0, "damping": "max"}, 90.0, 1000.0, True),
     ],
     ids=["rubber", "water", "gel, asked for together"],
 )

@@ -548,7 +548,7 @@ class _Stride:
         stands = rests & (before == 0)
         after = later[:, axes:]
         freed = np.zeros_like(stands)
-        codes: Indices = np.packbits(stands, axis=1, bitorder="little")[:, 0].astype(np.intp)
+        codes: Indices = stands @ (1 << np.arange(axes, dtype=np.intp))
         for code in np.flatnonzero(np.bincount(codes)[1:]) + 1:
             which = np.flatnonzero(codes == code)
             pattern = stands[which[0]]

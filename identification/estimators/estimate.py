@@ -69,6 +69,18 @@ def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArra
     return (vectors * inverse[..., None, :]) @ np.swapaxes(vectors, -1, -2)
 
 
+def unit_inverse(slopes: FloatArray, nothing: float) -> tuple[FloatArray, FloatArray]:
+    """Inverse of the normal matrix of slopes scaled to one, shape (k, k), and their sizes, (k,).
+
+    Directions weaker than ``nothing`` times the strongest carry nothing but rounding.
+    """
+    normal = slopes @ slopes.T
+    size = np.sqrt(np.diag(normal))
+    # A parameter that changes nothing does not move.
+    size = np.where(size > 0, size, 1.0)
+    return symmetric_inverse(normal / np.outer(size, size), nothing), size
+
+
 def gauss_newton(
     slopes: FloatArray, residual: FloatArray, nothing: float
 ) -> tuple[FloatArray, float]:
@@ -77,12 +89,8 @@ def gauss_newton(
     Slopes are by each parameter, shape (k, rows); directions weaker than ``nothing`` times the
     strongest carry nothing but rounding.
     """
-    normal = slopes @ slopes.T
-    size = np.sqrt(np.diag(normal))
-    # A parameter that changes nothing does not move.
-    size = np.where(size > 0, size, 1.0)
+    inverse, size = unit_inverse(slopes, nothing)
     right = slopes @ residual / size
-    inverse = symmetric_inverse(normal / np.outer(size, size), nothing)
     move = inverse @ right
     cost = max(float(residual @ residual), np.finfo(float).tiny)
     return move / size, float(move @ right) * residual.size / cost

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from identification.estimators.estimate import Spread, gauss_newton, spread, symmetric_inverse
+from identification.estimators.estimate import Spread, gauss_newton, spread, unit_inverse
 from identification.estimators.instruments import explained_by_reference, solve_instrumental
 from identification.estimators.joint import JointLog, JointModel, Rows
 from identification.estimators.joint_motion import DevicesOfAxes
@@ -443,8 +443,6 @@ def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[Flo
 
 def _gained(columns: FloatArray, move: FloatArray, count: int) -> float:
     """The most that a step gains by one of the first unknowns, in variances of a residual."""
-    size = np.linalg.norm(columns, axis=1)
-    size = np.where(size > 0, size, 1.0)
-    unit = columns / size[:, None]
-    variances = np.diag(symmetric_inverse(unit @ unit.T, _NOTHING))[:count]
-    return float(np.max((move * size)[:count] ** 2 / np.maximum(variances, _NOTHING)))
+    inverse, size = unit_inverse(columns, _NOTHING)
+    variances = np.maximum(np.diag(inverse), _NOTHING)
+    return float(np.max(((move * size) ** 2 / variances)[:count]))

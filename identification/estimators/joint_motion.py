@@ -181,7 +181,7 @@ class _Run:
         found[: self.first + 1] = place
         k, every = self.first, np.arange(len(place))
         while k < samples - 1:
-            moving = self._moving(sense)
+            moving = ~self._stuck(slice(None), sense)
             if np.all(moving == moving[0]):
                 ahead = pulls[:, k : min(k + _BLOCK, samples - 1)]
                 places, speeds = self._block(moving[0], spans).run(speed, sense, ahead, self.grip)
@@ -196,9 +196,9 @@ class _Run:
             found[k] = place
         return found
 
-    def _moving(self, sense: FloatArray) -> NDArray[Any]:
-        """Which axes move; without friction all do."""
-        return ~(self.rough & (sense == 0))
+    def _stuck(self, some: IndexArray | slice, sense: FloatArray) -> BoolArray:
+        """Which axes of some devices stand; without friction none does."""
+        return self.rough[some] & (sense == 0)
 
     def _block(self, moving: NDArray[Any], spans: list[FloatArray]) -> _Block:
         key = moving.tobytes()
@@ -223,7 +223,7 @@ class _Run:
         sense, needed = self._broken_away(some, speed, sense, pull)
         gone, later = self._moved(some, speed, sense, pull, left)
         back = later * sense < 0
-        grip, stuck = self.grip[some], self.rough[some] & (sense == 0)
+        grip, stuck = self.grip[some], self._stuck(some, sense)
         ends = self._held(some, later, sense, pull) if stuck.any() else needed
         loose = stuck & (np.abs(ends) > grip)
         which = np.flatnonzero((back | loose).any(axis=1))
@@ -274,7 +274,7 @@ class _Run:
         self, some: IndexArray, sense: FloatArray
     ) -> Iterator[tuple[IndexArray | slice, _Pattern]]:
         """Rows of devices by which of their axes move."""
-        moving = ~(self.rough[some] & (sense == 0))
+        moving = ~self._stuck(some, sense)
         codes = moving @ self.bits
         if np.all(codes == codes[0]):
             yield slice(None), self._pattern(moving[0])
@@ -292,7 +292,7 @@ class _Run:
         """
         sense, needed = sense.copy(), np.zeros_like(speed)
         for _ in range(speed.shape[1]):
-            stuck = self.rough[some] & (sense == 0)
+            stuck = self._stuck(some, sense)
             if not stuck.any():
                 break
             needed = self._held(some, speed, sense, pull)

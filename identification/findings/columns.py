@@ -496,10 +496,11 @@ def _runs_at(force: FloatArray, limit: float, *, switched: bool) -> BoolArray:
     size = np.abs(force)
     edges = np.diff(np.concatenate(([0], (size >= limit).astype(np.int8), [0])))
     starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    jumps = np.abs(np.diff(force, prepend=0.0, append=0.0)) >= _SWITCHED * limit
-    meant = jumps[starts] | jumps[ends] | (ends - starts <= _AS_LONG * _held(force, limit))
-    meant &= switched
-    long = (ends - starts >= _RUN) & ~meant
+    long = ends - starts >= _RUN
+    if switched and long.any():
+        jumps = np.abs(np.diff(force, prepend=0.0, append=0.0)) >= _SWITCHED * limit
+        long &= ~(jumps[starts] | jumps[ends])
+        long &= ends - starts > _AS_LONG * _held(force, limit)
     flat = np.zeros(size.size, dtype=np.bool_)
     for start, end in zip(starts[long].tolist(), ends[long].tolist(), strict=True):
         flat[start:end] = not _smooth_top(size[start:end])

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.device.hardware import Hardware
-from identification.device.quantities import Quantity, quantity
+from identification.device.quantities import Quantity, quantity, widest
 from identification.errors import Finding
 from identification.findings import WRONG_DELAY
 from identification.fitting.dynamics import lagged
@@ -55,7 +55,7 @@ def believed(free: LogFit, given: LogFit, stated: Quantity) -> LogFit:
         told = f"a force that lags {shown * 1e3:.3g} ± {(seen.high - seen.low) * 500:.1g} ms"
         ends = f"low: {seen.low:.4g}, high: {seen.high:.4g}"
         right = f"state {{value: {shown:.4g}, {ends}}}"
-    low, high = min(seen.low, stated.low), max(seen.high, stated.high)
+    both = widest(stated, [seen]) or stated
     finding = Finding(
         code="drive-lag",
         severity="warning",
@@ -64,8 +64,8 @@ def believed(free: LogFit, given: LogFit, stated: Quantity) -> LogFit:
         f"{np.sqrt(after):.2%}",
         needed=f"the same within {WRONG_DELAY:g} samples ({WRONG_DELAY * step * 1e3:.4g} ms)",
         remedy=f"Correct current_lag in the hardware file, or {right} if the log is right. The "
-        f"device holds both, {low * 1e3:.3g} to {high * 1e3:.3g} ms, and all of it is certified. "
-        "Mass and damping were told with the lag of the log.",
+        f"device holds both, {both.low * 1e3:.3g} to {both.high * 1e3:.3g} ms, and all of it is "
+        "certified. Mass and damping were told with the lag of the log.",
     )
     kept = [
         each for each in free.findings if each.code != finding.code or each.severity == "refusal"

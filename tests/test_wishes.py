@@ -259,7 +259,8 @@ def test_what_helps_is_told_once_and_fits() -> None:
     assert re.search(r"\. Ask for -3\.97\d N·s/m or closer to zero$", note)
     with pytest.raises(NoFeasibleEffectError, match=r"damping\. Ask for damping beside it$"):
         _tuned({"it": {"mass": "max"}})
-    held = _tuned({"it": {"mass": -20.0, "damping": 80.0}})
+    filters = {"velocity_filter_hz": "none", "acceleration_filter_hz": 64.3}
+    held = _tuned({"it": {"mass": -20.0, "damping": 80.0}}, loop=filters)
     assert held.notes[0].endswith("or closer to zero, or for more damping beside it")
 
 

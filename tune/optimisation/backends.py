@@ -10,6 +10,7 @@ which stand for the limits of stability where a solver wants everything in one g
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import compress
@@ -50,6 +51,10 @@ _KEPT = 1e-9
 _DEEP, _STUCK = 0.02, 1e-2
 
 
+#: A point of a climb that is not good is this much worse than the start, and points at most.
+_CLIFF, _MOST_POINTS = 5.0, 60
+#: Points after which a climb that comes to nothing ends.
+_PATIENCE = 18
 #: What a row without any use of its limit uses, so that it has a logarithm.
 _NOTHING = 1e-30
 
@@ -550,3 +555,47 @@ def _searched(
         return np.asarray(solver.optimize(np.clip(start, lower, upper)), dtype=np.float64)
     except Exception:  # noqa: BLE001 - its classes differ between versions; None says it failed
         return None
+
+
+def climb(
+    value: Callable[[Sequence[float]], float],
+    start: Sequence[float],
+    ends: Sequence[tuple[float, float]],
+    *,
+    stride: float,
+    gain: float,
+    apart: float,
+    known: float,
+) -> list[float]:
+    """The best point that a simplex meets which walks from a good start (Nelder and Mead).
+
+    It asks for no slopes, which have edges where one limit takes over from another. A value is
+    minus infinity where a point is not good. The simplex is a stride wide at first; the climb ends
+    where its values differ by less than the gain or its places by less than ``apart``, or where it
+    is farther from what is known from elsewhere, after some points, than it has come.
+    """
+    import nlopt
+
+    low, high = (np.array(side) for side in zip(*ends, strict=True))
+    begin = np.clip(np.array(start), low, high)
+    met = [(value(begin.tolist()), begin.tolist())]
+    if not np.isfinite(met[0][0]):
+        return met[0][1]
+
+    def met_at(place: FloatArray, _: FloatArray) -> float:
+        met.append((value(place.tolist()), place.tolist()))
+        if len(met) == _PATIENCE and 2 * max(met)[0] < met[0][0] + known:
+            raise nlopt.ForcedStop
+        return max(met[-1][0], met[0][0] - _CLIFF)
+
+    solver = nlopt.opt(nlopt.LN_NELDERMEAD, begin.size)
+    solver.set_lower_bounds(low)
+    solver.set_upper_bounds(high)
+    solver.set_max_objective(met_at)
+    solver.set_initial_step(np.where(begin + stride > high, -stride, stride))
+    solver.set_ftol_abs(gain)
+    solver.set_xtol_abs(apart)
+    solver.set_maxeval(_MOST_POINTS)
+    with suppress(nlopt.ForcedStop):
+        solver.optimize(begin)
+    return max(met)[1]

@@ -14,19 +14,13 @@ from numpy.typing import NDArray
 from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import EffectName, Effects
 from tune.loop.loop import Filters, used_filters
-from tune.optimisation.feasibility import (
-    SAME,
-    largest_allowed,
-    least_beside,
-    least_margin_loops,
-)
+from tune.optimisation.backends import climb
+from tune.optimisation.feasibility import largest_allowed, least_beside
 from tune.optimisation.limits import Unknown
-from tune.optimisation.nash import maximise, slack_change
 from tune.optimisation.problem import (
     COARSE,
     CutoffAxis,
     DesignTask,
-    Problem,
     may_saturate,
     problem_of,
     ranks_of,
@@ -36,8 +30,6 @@ from tune.optimisation.solve import (
     Tuned,
     groups,
     tune_with_filters,
-    value_of,
-    weights_of,
 )
 
 FloatArray = NDArray[np.float64]
@@ -59,8 +51,8 @@ _AROUND = (0.08, 0.03)
 _FINER = 0.5
 #: This little is given for less filtering.
 _GOOD_ENOUGH = 2e-3
-#: Step on the logarithmic scale of cut-offs over which a slope is taken.
-_STEP = 1e-4
+#: Cut-offs that are nearer than this in the logarithm are not told apart by a climb.
+_APART = 0.01
 #: Two objectives that differ by less, by rounding or by where a solver ends, are one.
 _TIED = 1e-6
 #: Cut-offs that are looked at where no effect can have a step.
@@ -73,7 +65,7 @@ def choose_filters(
     """The fixed filters, and for free ones the least filtering that does nearly as well as any.
 
     Free cut-offs are looked for coarsely, for all elements together, one after the other in both
-    orders, then together by cutting planes, on a logarithmic scale above which there is no filter;
+    orders, then together by a simplex that walks, on a logarithmic scale above which there is none;
     free kinds likewise. A filter is there for an effect that uses it only: the velocity's for a
     damper, the other for a mass. What cannot be kept with the best of all that is left out once
     more, and looked for without it: first what its element cannot keep by itself. The best of other
@@ -216,7 +208,7 @@ class _Search:
         return best
 
     def _refine_others(self, index: int) -> None:
-        """Climb from the best of other kinds in one filter, where more was found to be kept."""
+        """Climb from the best of the kinds that differ from the best in one filter."""
         start = self._least_good()
         beside = [kind for kind in self.kinds if self._is_beside(start, kind, index)]
         found = [each for kind in beside for each in self._uphill(kind, start, index)]
@@ -446,16 +438,11 @@ class _Search:
             reached = (self._objective_of_all if every else self._objective)(on_axes(places))
             return reached.value if reached and reached.kept >= kept else -math.inf
 
-        def slopes(places: Sequence[float]) -> list[float]:
-            return [self._slope(on_axes(places), index) for index in free]
-
         ends = [(self.axes[i].first[0], self.axes[i].first[-2]) for i in free]
         start = [point[i] for i in free]
-        radius = math.log(COARSE) / 2
-        mine = (worth for each, worth in self.tried.items() if _kind_of(each) == self.kind)
-        known = max(worth.value for worth in mine if worth.kept >= kept)
-        gain = _SAME * self.unit
-        found = maximise(value, slopes, start, ends, radius=radius, gain=gain, known=known)
+        known = max(worth.value for worth in self.tried.values() if worth.kept >= kept)
+        stride, gain = math.log(COARSE) / 2, _SAME * self.unit / 2
+        found = climb(value, start, ends, stride=stride, gain=gain, apart=_APART, known=known)
         # Where a cut-off ends at the highest, none at all may be worth more.
         highest = [self.axes[i].first[-2:] for i in free]
         value([none if at >= top else at for at, (top, none) in zip(found, highest, strict=True)])
@@ -483,20 +470,6 @@ class _Search:
                 ]
                 moved = bool(found)
                 best, here = max([*found, (best, here)])
-
-    def _slope(self, point: Sequence[float], index: int) -> float:
-        """Slope of the objective by the logarithm of one cut-off."""
-        here = self._filters(point)
-        name = _CUTOFFS[index]
-        hertz: float = getattr(here, name)
-        step = -_STEP if math.log(hertz) + _STEP > self.axes[index].first[-2] else _STEP
-        there = replace(here, **{name: hertz * math.exp(step)})
-        total = 0.0
-        for elements in self.asked:
-            filters, moved = (self._of(elements, each) for each in (here, there))
-            if filters != moved:
-                total += _slope_of(self.task, self._tuned(elements, filters), moved)
-        return total / step
 
     def _objective(self, point: Sequence[float]) -> CutoffObjective:
         filters = self._filters(point)
@@ -546,51 +519,3 @@ def _lag(filters: Filters) -> float:
     return sum(
         1 / hertz for hertz in (filters.velocity_filter_hz, filters.acceleration_filter_hz) if hertz
     )
-
-
-def _slope_of(task: DesignTask, found: Tuned, moved: Filters) -> float:
-    """Change of a group's value with filters moved a little, by the envelope theorem."""
-    problem, optimum = found.problem, found.optimum
-    if optimum is None or optimum.sizes is None:
-        return 0.0
-    elements = list(dict.fromkeys(unknown.element for unknown in problem.unknowns))
-    wished = ((name, effect) for name in elements for effect in task.scene.elements[name].wishes())
-    gone = frozenset(f"{name}.{effect}" for name, effect in wished)
-    gone -= {unknown.label for unknown in problem.unknowns}
-    beside = problem_of(task, elements=elements, filters=moved, gone=gone, cut=problem.cut)
-    sizes = optimum.sizes
-    # Of one effect beside wanted values that are met, the largest is known without a program.
-    open_ends = np.flatnonzero(sizes < problem.high * (1 - SAME))
-    if open_ends.size <= 1:
-        return max(_value_alone(task, beside, sizes, open_ends) - found.objective.value, -1.0)
-    change = value_of(task, beside, sizes) - found.objective.value
-    if optimum.summit is not None and sizes.size == 2 and problem.unknowns[0].yields:
-        # A wall: its spring is so many steps below its largest, beside which its damper is.
-        spring, summit = problem.unknowns[0], optimum.summit
-        most = spring.steps(float(summit[0]))
-        if sizes[0] <= spring.size_at(most - spring.yields) * (1 + _TIED):
-            alone = np.array([1.0, 0.0])
-            rise = slack_change(problem, beside, alone, summit, [optimum.scenarios])
-            if rise is not None:
-                least = spring.size_at(most * np.exp(rise) - spring.yields)
-                moved_sizes = np.array([float(least), sizes[1]])
-                value = _value_alone(task, beside, moved_sizes, np.array([1]))
-                if np.isfinite(value):
-                    return value - found.objective.value
-    shown = [optimum.scenarios, least_margin_loops(problem, sizes)]
-    slack = slack_change(problem, beside, np.array(weights_of(task, problem)), sizes, shown)
-    if slack is not None:
-        return change + slack
-    # Where one rank came before the next no sum of both is at its largest.
-    again = tune_with_filters(task, elements, moved, found).objective
-    return again.value - found.objective.value if again.kept == found.objective.kept else change
-
-
-def _value_alone(
-    task: DesignTask, problem: Problem, sizes: FloatArray, raised: NDArray[np.intp]
-) -> float:
-    """The objective where all sizes stay but at most one, which is as large as it may be."""
-    sizes = np.minimum(sizes, problem.high)
-    for index in raised.tolist():
-        sizes[index] = largest_allowed(problem, sizes, index)
-    return value_of(task, problem, sizes) if np.all(sizes > 0) else -np.inf

@@ -3,7 +3,7 @@
 Wanted values first, then the priorities: the product of the steps of one rank is made as large as
 can be, with at least one step for every effect of lower rank; then its sizes stay. Which effects
 can have a step at all is told by maximum feasible subsets, what binds at the end by the Lagrange
-multipliers. What the product is by another number, as a cut-off, is raised by cutting planes.
+multipliers.
 """
 
 from __future__ import annotations
@@ -66,12 +66,6 @@ _MOST_SEARCHES = 4
 _BINDS = 1e-6
 #: What may be left of a gradient of length one at an optimum, for slopes change within 1e-6 too.
 _LEFT = 1e-3
-#: Points at most; ten are usual.
-_MOST_POINTS = 30
-#: Planes of points beyond so many radii of the trust region bound nothing in it.
-_AROUND = 1.5
-#: The trust region ends the search where it is this small, and shrinks or grows by so much.
-_SMALLEST, _SHRINKS, _GROWS = 2e-3, 0.4, 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,14 +77,12 @@ class Optimum:
         methods: names of what proposed each accepted answer.
         disagreements: largest difference of solvers in the logarithm of a product, 0 if none.
         scenarios: corners whose stability the solvers had to be shown.
-        summit: sizes with which the rank before the last was largest; None of one rank.
     """
 
     sizes: FloatArray | None
     methods: tuple[str, ...]
     disagreements: float
     scenarios: tuple[Scenario, ...] = ()
-    summit: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +147,7 @@ def largest_product(
     starts = list(known) or initial_points_of(problem)
     if not starts:
         return Optimum(sizes=None, methods=(), disagreements=0.0)
-    search, summit = _Search(problem, backends, starts[0], shown), None
+    search = _Search(problem, backends, starts[0], shown)
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     levels = sorted({unknown.level for unknown in problem.unknowns})
     for level in levels:
@@ -164,7 +156,6 @@ def largest_product(
         yielding = np.array([u.yields > 0 and u.level == level - 1 for u in problem.unknowns])
         search.raise_rank(active | yielding, fixed & ~yielding, starts)
         if level != levels[-1]:
-            summit = search.sizes
             search.ease(active)
         for index in np.flatnonzero(active & [unknown.yields > 0 for unknown in problem.unknowns]):
             unknown = problem.unknowns[index]
@@ -177,7 +168,6 @@ def largest_product(
         methods=tuple(dict.fromkeys(search.methods)),
         disagreements=search.disagreement,
         scenarios=tuple(search.scenarios),
-        summit=summit,
     )
 
 
@@ -243,7 +233,8 @@ class _Search:
             if best is not None and gained > 0:
                 value, self.sizes = best[0], best[1]
                 self.methods.append(best[2])
-            settled = self._settled(rank)
+            # One solver alone only compares filters, for which any good answer does.
+            settled = len(self.backends) == 1 or self._settled(rank)
             if settled and (attempt > 0 or apart <= SAME or len(self.backends) == 1):
                 if np.isfinite(apart):
                     self.disagreement = max(self.disagreement, apart)
@@ -488,114 +479,6 @@ def solve_linear_program(
     if not solver.stats()["success"]:
         return None
     return np.asarray(found["x"], dtype=np.float64).ravel()
-
-
-def slack_change(
-    problem: Problem,
-    beside: Problem,
-    weights: FloatArray,
-    sizes: FloatArray,
-    shown: Sequence[Iterable[Scenario]],
-) -> float | None:
-    """What the limits of a problem beside leave more to a weighed sum at its largest, at first.
-
-    None where the sizes are no optimum with the corners of any of those that are shown.
-    """
-    rank = Rank(weights=weights, lower=np.log(problem.low), upper=np.log(problem.high))
-    for scenarios in map(sorted, shown):
-        prices = multipliers(program_of(problem, scenarios), rank, np.log(sizes))
-        if prices is not None:
-            rows = [
-                Evaluation(program_of(each, scenarios), rank).at(np.log(sizes)).constraints
-                for each in (problem, beside)
-            ]
-            if rows[0].size != rows[1].size:
-                return 0.0
-            binding = prices > 0
-            return -float(prices[binding] @ (rows[1] - rows[0])[binding])
-    return None
-
-
-def maximise(
-    value: Callable[[Sequence[float]], float],
-    slopes: Callable[[Sequence[float]], Sequence[float]],
-    start: Sequence[float],
-    ends: Sequence[tuple[float, float]],
-    *,
-    radius: float,
-    gain: float,
-    known: float,
-) -> list[float]:
-    """The best point met by Kelley's cutting planes, from a good start.
-
-    For functions that are smooth but for edges where one limit takes over from another: a maximum
-    on an edge is met by the tangents of both sides. Each point adds a plane above the function; the
-    next point is where the lowest of them is highest, no further than the trust region reaches. J.
-    E. Kelley, The cutting-plane method for solving convex programs, J. SIAM 8 (1960) 703.
-
-    A value is minus infinity where a point is not good. The radius is that of the trust region at
-    first, in each coordinate; the search ends where the planes promise less than the gain, or where
-    they would not reach what is known from elsewhere in a trust region that has grown.
-    """
-    low, high = (np.array(side) for side in zip(*ends, strict=True))
-    best = np.clip(np.array(start), low, high)
-    most = value(best.tolist())
-    if not np.isfinite(most):
-        return best.tolist()
-    planes, first = [(best, most, np.array(slopes(best.tolist())))], radius
-    for _ in range(_MOST_POINTS):
-        near = np.maximum(low, best - radius), np.minimum(high, best + radius)
-        seen = [each for each in planes if np.max(np.abs(each[0] - best)) <= _AROUND * radius]
-        place, promised = _highest(seen, best, most, near, gain)
-        doubled = most + _GROWS * (promised - most)
-        if doubled < known + gain or radius < _SMALLEST:
-            break
-        if promised < most + gain:
-            if radius <= first:
-                break
-            # Planes from farther away may be those of another branch.
-            radius = first
-            continue
-        found = value(place.tolist())
-        if np.isfinite(found):
-            planes.append((place, found, np.array(slopes(place.tolist()))))
-        if found > most:
-            radius *= _GROWS if found - most > 0.5 * (promised - most) else 1.0
-            best, most = place, found
-        else:
-            radius = _SHRINKS * max(float(np.max(np.abs(place - best))), _SMALLEST)
-    return best.tolist()
-
-
-def _highest(
-    planes: Sequence[tuple[FloatArray, float, FloatArray]],
-    best: FloatArray,
-    most: float,
-    corners: tuple[FloatArray, FloatArray],
-    gain: float,
-) -> tuple[FloatArray, float]:
-    """Where the lowest plane is highest between two corners, and how high.
-
-    A plane that passes below the best point by more than a gain that counts is no bound there, for
-    the function is not concave everywhere and may jump: it is left out, and the trust region keeps
-    away from where it was seen.
-    """
-    planes = [
-        (place, height, slope)
-        for place, height, slope in planes
-        if slope @ (best - place) >= most - height - gain
-    ]
-    rows = np.array([np.append(-slope, 1.0) for _, _, slope in planes])
-    heights = np.array([height - slope @ place for place, height, slope in planes])
-    at_best = heights + np.array([slope @ best for _, _, slope in planes])
-    heights += np.maximum(most - at_best, 0.0)
-    answer = solve_linear_program(
-        np.append(np.zeros(best.size), -1.0),
-        rows,
-        (np.full(len(rows), -np.inf), heights),
-        (np.append(corners[0], -np.inf), np.append(corners[1], np.inf)),
-    )
-    return (best, most) if answer is None else (answer[:-1], float(answer[-1]))
 
 
 @lru_cache(maxsize=256)

@@ -94,7 +94,6 @@ class _Play:
     name: TrialName  # of the trial
     member: int  # of the batch of controllers
     place: int  # of the condition among all of them
-    moving: bool  # whether elements come and go
 
 
 def _conditions(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[_Condition]:
@@ -114,7 +113,7 @@ def _conditions(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[_Con
 
 
 def _plays(controller: Controller, conditions: Sequence[_Condition], batch: int) -> list[_Play]:
-    """Every trial of each controller, those in which elements come and go last.
+    """Every trial of each controller.
 
     A program calls where there is nobody else and no friction. Dampers alone are switched beside
     springs, on the device that is rehearsed on.
@@ -122,7 +121,7 @@ def _plays(controller: Controller, conditions: Sequence[_Condition], batch: int)
     rows = controller.rows(np.arange(batch))
     dampers = (rows["damping"] > 0) & (rows["stiffness"] == 0) & (rows["mass"] == 0)
     dampers = np.any(dampers & (rows["fade_time"] == 0), axis=0)
-    chopped, walled = dampers & np.any(rows["stiffness"] > 0, axis=0), np.any(rows["side"], axis=0)
+    chopped = dampers & np.any(rows["stiffness"] > 0, axis=0)
     plays: list[_Play] = []
     for name, kind in _KINDS.items():
         for place, condition in enumerate(conditions):
@@ -130,12 +129,9 @@ def _plays(controller: Controller, conditions: Sequence[_Condition], batch: int)
             suits = np.full(batch, alone and bool(controller.beside) if kind.caller else True)
             if kind.dampers:
                 suits = suits & chopped & (not condition.other)
-            plays += [
-                _Play(name=name, member=k, place=place, moving=bool(kind.caller or passes))
-                for k, passes in enumerate(kind.falls & ~walled)
-                if suits[k]
-            ]
-    return sorted(plays, key=lambda each: each.moving)
+            members = np.flatnonzero(suits).tolist()
+            plays += [_Play(name=name, member=member, place=place) for member in members]
+    return plays
 
 
 #: Where nothing else is stated a trial goes so many counts from the start, ...
@@ -473,14 +469,12 @@ def rehearse(
         left = [left[place] for place in going]
         if not left:
             break
-    order = list(_KINDS)
-    played = sorted(range(len(plays)), key=lambda k: (order.index(plays[k].name), k))
     return tuple(
         Rehearsal(
             trials=tuple(
-                _trial(plays[k].name, conditions[plays[k].place], ends[k])
-                for k in played
-                if plays[k].member == member
+                _trial(play.name, conditions[play.place], ends[k])
+                for k, play in enumerate(plays)
+                if play.member == member
             )
         )
         for member in range(sizes.batch)

@@ -117,9 +117,9 @@ def measured_motion(
     velocity = LowPass(kernel=gaussian(width, 1.0)).continued(np.diff(position) / steps)
     ends = np.concatenate((velocity[:1], (velocity[1:] + velocity[:-1]) / 2, velocity[-1:]))
     even = np.ones(velocity.size)
-    turn = _turning(ends[:-1], ends[1:], even, even)
+    turn = HeldColumn.turning(*_turning(ends[:-1], ends[1:], even, even), steps)
     moving = 1.0 - _dwelling(position, noise, bend)
-    return Motion(direction=turn.held(steps).times(moving), moving=moving)
+    return Motion(direction=turn.times(moving), moving=moving)
 
 
 def refine_motion(
@@ -153,14 +153,15 @@ def refine_motion(
     start, end = _released(velocity, rest, pull, friction, mobility, reach)
     before = np.abs(pull - friction * np.sign(start))
     after = np.abs(pull - friction * np.sign(end))
-    turn = _turning(start, end, before, after)
+    early, late, fraction = _turning(start, end, before, after)
     # Standing still, friction equals the pull; inside the interval in which it comes to rest, that
     # is the second part of the direction.
     stops = np.flatnonzero((rest > 0) & (rest < 1))
-    turn.late[stops] = pull[stops] / friction
-    turn.fraction[stops] = 1 - rest[stops]
+    late[stops] = pull[stops] / friction
+    fraction[stops] = 1 - rest[stops]
     moving = np.where(rest == 1, 0.0, 1.0)
-    return Motion(direction=turn.held(steps).times(moving), moving=moving)
+    turn = HeldColumn.turning(early, late, fraction, steps)
+    return Motion(direction=turn.times(moving), moving=moving)
 
 
 def _rest(
@@ -226,21 +227,13 @@ def _integral(change: FloatArray) -> FloatArray:
     return np.concatenate(([0.0], np.cumsum(change)))
 
 
-class _Turn(NamedTuple):
-    """``early`` for a fraction of each interval, then ``late``; each of shape (n - 1,)."""
-
-    early: FloatArray
-    late: FloatArray
-    fraction: FloatArray
-
-    def held(self, steps: float | FloatArray) -> HeldColumn:
-        return HeldColumn.turning(self.early, self.late, self.fraction, steps)
-
-
-def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray) -> _Turn:
+def _turning(
+    start: FloatArray, end: FloatArray, before: FloatArray, after: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """sign of a velocity that a force ``before`` takes from start to zero, and ``after`` to end.
 
-    The velocity reaches zero after |start|/before, and end |end|/after later.
+    The velocity reaches zero after |start|/before, and end |end|/after later. As
+    ``HeldColumn.turning`` takes it: early, late and the fraction of each interval before the turn.
     """
     sign = np.sign(start)
     sign[start == 0] = np.sign(end[start == 0])
@@ -251,7 +244,7 @@ def _turning(start: FloatArray, end: FloatArray, before: FloatArray, after: Floa
     rising = np.abs(end[turns]) * before[turns]
     total = falling + rising
     fraction[turns] = np.where(total > 0, falling / np.where(total > 0, total, 1.0), 1.0)
-    return _Turn(early=sign, late=late, fraction=fraction)
+    return sign, late, fraction
 
 
 def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:

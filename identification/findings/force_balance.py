@@ -122,7 +122,7 @@ def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> ForceB
     widths = np.geomspace(_NARROWEST * step, widest, _WIDTHS)
     shares, powers = np.ones(_WIDTHS), np.zeros(_WIDTHS)
     for index, width in enumerate(widths):
-        rows = _rows(trajectory, float(width), delay, noise, _FEW_ROWS, bend_only=True)
+        rows = _rows(trajectory, float(width), delay, noise, _FEW_ROWS)
         shares[index] = rows.noise_share
         powers[index] = float(np.mean(rows.acceleration**2)) * (1 - rows.noise_share)
         begun = int(np.argmax(shares <= _NOISE_SHARE))
@@ -156,9 +156,8 @@ def _rows(
     most: int,
     *,
     span: float = np.inf,
-    bend_only: bool = False,
 ) -> ForceBalance:
-    """Rows of a log; with ``bend_only`` of the acceleration alone, the rest being zero."""
+    """Rows of a log."""
     time = trajectory.time
     first, last = time[0] + max(half_width, delay) + half_width, time[-1] - half_width
     excess = max(0.0, last - first - span)
@@ -174,9 +173,7 @@ def _rows(
     parts: list[FloatArray] = []
     for chunk in chunks:
         index = start[chunk, None] + np.arange(longest + 1)
-        parts.append(
-            _weighed(trajectory, index, middle[chunk, None], half_width, delay, bend_only=bend_only)
-        )
+        parts.append(_weighed(trajectory, index, middle[chunk, None], half_width, delay))
     table = np.concatenate(parts)
     gain = float(np.median(table[:, 6]))
     # A window over a gap, or one that holds hardly a sample, says nothing.
@@ -204,8 +201,6 @@ def _weighed(
     middle: FloatArray,
     half_width: float,
     delay: float,
-    *,
-    bend_only: bool,
 ) -> FloatArray:
     """Rows (force, acceleration, velocity, direction, position, longest interval, noise gain).
 
@@ -227,18 +222,15 @@ def _weighed(
         touched = (shifted[:, 1:] > -1) & (shifted[:, :-1] < 1)
         longest = np.max(steps * touched, axis=1)
     acceleration = np.einsum("ij,ij->i", bend, slope)
-    nothing = np.zeros(len(index))
-    force = velocity = direction = position = nothing
-    if not bend_only:
-        sine, late = np.sin(np.pi * shifted), delay / half_width
-        turn = np.exp(1j * np.pi * late)
-        later = sine * turn.real + cosine * turn.imag, cosine * turn.real - sine * turn.imag
-        area = np.diff(_area(shifted, sine, cosine), axis=1)
-        delayed = np.diff(_area(shifted + late, *later), axis=1)
-        force = np.einsum("ij,ij->i", delayed, trajectory.force[index[:, :-1]])
-        velocity = np.einsum("ij,ij->i", area, slope)
-        direction = np.einsum("ij,ij->i", area, np.sign(slope))
-        position = np.einsum("ij,ij->i", area, place[:, :-1] + place[:, 1:]) / 2
+    sine, late = np.sin(np.pi * shifted), delay / half_width
+    turn = np.exp(1j * np.pi * late)
+    later = sine * turn.real + cosine * turn.imag, cosine * turn.real - sine * turn.imag
+    area = np.diff(_area(shifted, sine, cosine), axis=1)
+    delayed = np.diff(_area(shifted + late, *later), axis=1)
+    force = np.einsum("ij,ij->i", delayed, trajectory.force[index[:, :-1]])
+    velocity = np.einsum("ij,ij->i", area, slope)
+    direction = np.einsum("ij,ij->i", area, np.sign(slope))
+    position = np.einsum("ij,ij->i", area, place[:, :-1] + place[:, 1:]) / 2
     rows = (force, acceleration, velocity, direction, position, longest, gain)
     return np.stack(rows, axis=1)
 

@@ -16,8 +16,7 @@ a change of velocity goes on as the part ρ = a⁺/a⁻ of itself, or ends where
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,14 +45,6 @@ _CLEAR = 3.0
 _DOUBTED = 0.05
 
 
-class _Acting(NamedTuple):
-    """The device at one θ, its inputs, and what each of them adds in every interval."""
-
-    device: HeldResponse
-    inputs: tuple[HeldColumn, ...]
-    gains: tuple[FloatArray, ...]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Problem:
     """Position of one log as a separable model in θ = (p,) or (p, delay)."""
@@ -63,8 +54,6 @@ class _Problem:
     #: first sample after intervals that feel only logged forces; what happens before is in q0 and
     #: v0
     known: int
-    #: what acted at the last θ looked at, by its bytes
-    last: dict[bytes, _Acting] = field(default_factory=dict[bytes, _Acting])
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
@@ -73,32 +62,24 @@ class _Problem:
     def allowed(self, theta: FloatArray) -> bool:
         return bool(np.all(np.isfinite(theta)))
 
-    def _acting(self, theta: FloatArray) -> _Acting:
-        """Slopes are asked for at the θ that columns were made for last."""
-        key = theta.tobytes()
-        if key not in self.last:
-            device = HeldResponse.at(float(theta[0]), self.drive.steps)
-            inputs = self.drive.inputs(self.drive.delay_of(theta))
-            self.last.clear()
-            self.last[key] = _Acting(device, inputs, tuple(device.gain(held) for held in inputs))
-        return self.last[key]
-
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        device, _, gains = self._acting(theta)
-        columns = np.empty((len(gains) + 2, self.position.size - self.known))
-        for index, gain in enumerate(gains):
-            columns[index] = device.position(gain)[0][self.known :]
+        device = HeldResponse.at(float(theta[0]), self.drive.steps)
+        inputs = self.drive.inputs(self.drive.delay_of(theta))
+        columns = np.empty((len(inputs) + 2, self.position.size - self.known))
+        for index, held in enumerate(inputs):
+            columns[index] = device.position(device.gain(held))[0][self.known :]
         columns[-2] = device.coasting(self.position.size - 1)[self.known :]
         columns[-1] = 1.0
         return columns, self.position[self.known :]
 
     def slopes(self, theta: FloatArray, weights: FloatArray, residual: FloatArray) -> FloatArray:
         del residual
-        device, inputs, gains = self._acting(theta)
+        device = HeldResponse.at(float(theta[0]), self.drive.steps)
+        inputs = self.drive.inputs(self.drive.delay_of(theta))
         moved, added = np.zeros((2, self.position.size - 1)), np.zeros(self.position.size - 1)
-        for weight, held, driven in zip(weights, inputs, gains, strict=False):
+        for weight, held in zip(weights, inputs, strict=False):
             moved += weight * device.slope_by_rate(held)
-            added += weight * driven[0]
+            added += weight * device.gain(held)[0]
         speed = device.speed(added, start=float(weights[-2]))
         slopes = [device.position_slope(speed, moved)[self.known :]]
         if self.drive.delay is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from identification import Device, load_device
 
 FloatArray = NDArray[np.float64]
-
 
 Motion = Literal["linear", "rotary"]
 
@@ -426,7 +426,7 @@ class Clock(Batched):
         else:
             stamps = np.arange(samples, dtype=np.float64)[:, None] * sample_time
             shortest = sample_time
-        jitter = np.broadcast_to(np.asarray(self.jitter, dtype=np.float64), sample_time.shape)
+        jitter = per_member(self.jitter, sample_time.size)
         if not np.any(jitter):
             return stamps
         for member, source in enumerate(sources.generators("clock")):
@@ -438,7 +438,7 @@ class Clock(Batched):
 
     def kept(self, batch: int, samples: int, sources: Sources) -> NDArray[np.bool_] | None:
         """Which rows reach the log, shape (batch, samples); None if all of them do."""
-        dropped = np.broadcast_to(np.asarray(self.dropped, dtype=np.float64), (batch,))
+        dropped = per_member(self.dropped, batch)
         if not np.any(dropped):
             return None
         generators = sources.generators("rows")
@@ -480,10 +480,7 @@ class Hand(Batched):
 
         None where both are nothing.
         """
-
-        def column(values: float | FloatArray) -> FloatArray:
-            return np.broadcast_to(np.asarray(values, dtype=np.float64), stamps.shape[1:])
-
+        column = partial(per_member, batch=stamps.shape[1])
         moved = column(self.stiffness) * column(self.wander)
         tremor = band_noise(sources, "tremor", column(self.tremor), TREMOR_BAND, stamps)
         wander = band_noise(sources, "wander", moved, WANDER_BAND, stamps)

@@ -14,10 +14,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Hand, Rig, per_member, sum_of_those_there
+from datasets_synthetic.device import FloatArray, Hand, Rig, per_member, sum_of_those_there
 from datasets_synthetic.motion import Drag, Field, Part, Stride, advance
 
-FloatArray = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 

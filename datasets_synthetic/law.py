@@ -15,10 +15,9 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Batched, per_member
+from datasets_synthetic.device import Batched, FloatArray, per_member
 from datasets_synthetic.motion import Observer
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 

@@ -12,12 +12,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import Hand, Rig, per_member
+from datasets_synthetic.device import FloatArray, Hand, Rig, per_member
 from datasets_synthetic.ending import DIES, PART, Allowed, Ending, Verdict, endings
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
 from datasets_synthetic.simulation import Recording, Stopped, Truth, simulate
 
-FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 TrialName = Literal[

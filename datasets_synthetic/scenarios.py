@@ -10,14 +10,12 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from datasets_synthetic.device import Faults, Rig, named_rig
+from datasets_synthetic.device import Faults, FloatArray, Rig, named_rig
 from datasets_synthetic.law import Controller
 from datasets_synthetic.simulation import Recording, RigOfAxes, simulate
 from identification import InvalidInputError, Trajectory, load_device, to_yaml
-
-FloatArray = NDArray[np.float64]
 
 #: Lines reach from this fraction of the corner b/m, where damping rules the motion, ...
 _BELOW = 0.25

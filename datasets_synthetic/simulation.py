@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from datasets_synthetic.device import (
     Clock,
     Faults,
+    FloatArray,
     Hand,
     Motion,
     Rig,
@@ -41,7 +42,6 @@ from datasets_synthetic.law import ControlLaw, Controller, Servo
 from datasets_synthetic.motion import LARGEST_STEP, Encoder, EvenTimetable, UnevenTimetable
 from identification import Trajectories, Trajectory
 
-FloatArray = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
@@ -58,14 +58,6 @@ class Truth:
     handle: FloatArray
     speed: FloatArray
     energy: FloatArray
-
-    @classmethod
-    def of(cls, handle: FloatArray, speed: FloatArray, energy: FloatArray) -> Truth:
-        """From each at each sample, shape (n, batch), which nobody changes any more."""
-        rows = [each.T for each in (handle, speed, energy)]
-        for each in rows:
-            each.setflags(write=False)
-        return cls(handle=rows[0], speed=rows[1], energy=rows[2])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,8 +239,11 @@ def simulate(
         watch=watch,
         after=after,
     )
-    with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
-        truth = None if states is None else Truth.of(*dynamics.seen(states))
+    truth = None
+    if states is not None:
+        with np.errstate(over="ignore", invalid="ignore"):  # what grows without end
+            handle, speed, energy = (read_only_copy(each.T) for each in dynamics.seen(states))
+        truth = Truth(handle=handle, speed=speed, energy=energy)
     return Recording(
         sample_time=read_only_copy(sample_time),
         force=read_only_copy(sent.T),

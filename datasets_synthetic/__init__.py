@@ -12,7 +12,6 @@ from datasets_synthetic.scenarios import (
     log_text,
     multisine,
     run,
-    run_batch,
     scenario_named,
 )
 from datasets_synthetic.simulation import Motions, Recording, RigOfAxes, Truth, simulate
@@ -44,7 +43,6 @@ __all__ = [
     "rehearse",
     "rig_of",
     "run",
-    "run_batch",
     "scenario_named",
     "simulate",
 ]

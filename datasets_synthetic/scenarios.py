@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.resources import files
@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from datasets_synthetic.device import Faults, FloatArray, Rig, named_rig
-from datasets_synthetic.law import Controller
-from datasets_synthetic.simulation import Recording, RigOfAxes, simulate
-from identification import InvalidInputError, Trajectory, load_device, to_yaml
+from datasets_synthetic.simulation import RigOfAxes, simulate
+from identification import InvalidInputError, Trajectory, to_yaml
 
 #: Lines reach from this fraction of the corner b/m, where damping rules the motion, ...
 _BELOW = 0.25
@@ -157,12 +156,9 @@ class Scenario:
         device: a named device.
         duration: s.
         travel: half the range of positions the excitation may use, m (rad).
-        force: largest |force| the excitation may use, N (N·m); 0 plays no force.
+        force: largest |force| the excitation may use, N (N·m).
         force_step: resolution of the played force, N (N·m); what is logged is what is played.
-        coulomb_friction: N (N·m), or None for the device's own.
         faults: noise, its fields plain numbers.
-        controller: virtual effects in closed loop, or None.
-        velocity: at t = 0, m/s (rad/s).
         seed: of the noise, unless another is asked for.
     """
 
@@ -173,22 +169,12 @@ class Scenario:
     travel: float
     force: float
     force_step: float = 0.001
-    coulomb_friction: float | None = None
     faults: Faults = field(default_factory=Faults)
-    controller: Controller | None = None
-    velocity: float = 0.0
     seed: int = 0
 
     def rig(self) -> Rig:
         """The true device, one member."""
-        rig = named_rig(self.device)
-        if self.coulomb_friction is None:
-            return rig
-        return replace(rig, coulomb_friction=self.coulomb_friction)
-
-    def excitation(self) -> ForceSignal:
-        """The force played (the same for every seed), shape (1, n), and where it starts."""
-        return _excitation(self)
+        return named_rig(self.device)
 
 
 def scenario_named(name: str) -> Scenario:
@@ -210,35 +196,22 @@ def run(scenario: str | Scenario, *, seed: int | None = None) -> Trajectory:
         InvalidInputError: no such scenario.
     """
     chosen = scenario_named(scenario) if isinstance(scenario, str) else scenario
-    return run_batch(chosen, (chosen.seed if seed is None else seed,)).trajectory()
-
-
-def run_batch(scenario: str | Scenario, seeds: Sequence[int]) -> Recording:
-    """One log for each seed, in one simulation; member j is ``run(scenario, seed=seeds[j])``.
-
-    Raises:
-        InvalidInputError: no such scenario.
-    """
-    chosen = scenario_named(scenario) if isinstance(scenario, str) else scenario
-    excitation = chosen.excitation()
+    excitation = _excitation(chosen)
     recording = simulate(
         chosen.rig(),
         excitation.force,
-        controller=chosen.controller,
         faults=chosen.faults,
-        seed=seeds,
+        seed=chosen.seed if seed is None else seed,
         position=excitation.start,
-        velocity=chosen.velocity,
     )
-    return replace(recording, source=f"simulated {chosen.name}")
+    return replace(recording, source=f"simulated {chosen.name}").trajectory()
 
 
 @lru_cache(maxsize=32)
 def _excitation(scenario: Scenario) -> ForceSignal:
+    """The force played, the same for every seed, shape (1, n), and where it starts."""
     rig = scenario.rig()
     samples = round(scenario.duration / float(rig.sample_time[0]))
-    if scenario.force == 0:
-        return ForceSignal(force=np.zeros((1, samples)), start=np.zeros(1), reach=np.zeros(1))
     found = fit_to_limits(
         rig, multisine(rig, samples), travel=scenario.travel, force=scenario.force
     )
@@ -256,40 +229,6 @@ _ALL = (
         force=14.0,
         faults=Faults(force_noise=0.005),
         seed=1,
-    ),
-    Scenario(
-        name="homerehab-clean",
-        description="HomeRehab for 20 s within 50 mm and 14 N; encoder with a third of a count "
-        "of noise, delay, no friction.",
-        device="homerehab",
-        duration=20.0,
-        travel=0.05,
-        force=14.0,
-        coulomb_friction=0.0,
-        faults=Faults(position_noise=2e-6),
-    ),
-    Scenario(
-        name="homerehab-friction",
-        description="The same with 0.8 N of Coulomb friction and 5 mN rms of unlogged force.",
-        device="homerehab",
-        duration=20.0,
-        travel=0.05,
-        force=14.0,
-        coulomb_friction=0.8,
-        faults=Faults(force_noise=0.005),
-        seed=2,
-    ),
-    Scenario(
-        name="homerehab-wall",
-        description="Closed loop: HomeRehab starts at 0.3 m/s in a soft spring and damper.",
-        device="homerehab",
-        duration=2.0,
-        travel=0.05,
-        force=0.0,
-        faults=Faults(force_noise=0.005),
-        controller=Controller(stiffness=500.0, damping=5.0, velocity_filter_hz=50.0),
-        velocity=0.3,
-        seed=3,
     ),
     Scenario(
         name="emps-open-loop",
@@ -332,18 +271,6 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType({each.name: each for each i
 
 #: Decimals printed, trailing zeros dropped: a picometre, a piconewton, a picosecond.
 _DECIMALS = 12
-#: The scenario each bundled log comes from bears the log's name.
-_BUNDLED = ("homerehab",)
-#: What the truth file states of the rig.
-_TRUE = (
-    "mass",
-    "damping",
-    "coulomb_friction",
-    "force_offset",
-    "sample_time",
-    "delay",
-    "encoder_resolution",
-)
 
 
 def bundled_path(name: str) -> Path:
@@ -366,29 +293,6 @@ def log_text(trajectory: Trajectory) -> str:
     lines = [",".join(name for name, _ in columns)]
     lines += [",".join(_decimal(float(value)) for value in row) for row in rows]
     return "\n".join(lines) + "\n"
-
-
-def bundle_texts(scenario: Scenario) -> dict[str, str]:
-    """File name → text of the log, of what is known of the device before, and of the truth."""
-    name, rig, faults = scenario.name, scenario.rig(), scenario.faults
-    device = load_device(scenario.device).model_dump(mode="json", exclude_none=True)
-    kept = ("name", "axis", "motion", "sample_time", "delay", "encoder_resolution", "force_limit")
-    truth = {key: float(getattr(rig, key)[0]) for key in _TRUE}
-    noise = {
-        "position_noise": float(np.max(faults.position_noise)),
-        "force_noise": float(np.max(faults.force_noise)),
-    }
-    return {
-        f"{name}.csv": log_text(run(scenario)),
-        f"{name}.hardware.yaml": to_yaml(
-            {"schema": "haptune/hardware/1"} | {key: device[key] for key in kept},
-            f"What is known before {name}.csv is looked at.",
-        ),
-        f"{name}.truth.yaml": to_yaml(
-            {"scenario": name, "seed": scenario.seed} | truth | {"faults": noise},
-            f"What {name}.csv was simulated from; SI units, noise rms.",
-        ),
-    }
 
 
 #: HomeRehab played in a plane; the paper gives its mass, damping, encoder and force for one axis,
@@ -439,9 +343,7 @@ def _decimal(value: float) -> str:
 
 
 if __name__ == "__main__":
-    texts = planar_texts()
-    for bundled in _BUNDLED:
-        texts |= bundle_texts(SCENARIOS[bundled])
+    texts = planar_texts() | {"homerehab.csv": log_text(run("homerehab"))}
     for file_name, text in texts.items():
         place = Path(str(files("datasets_synthetic").joinpath("logs"))) / file_name
         place.write_text(text, encoding="utf-8", newline="\n")

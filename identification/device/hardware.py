@@ -299,14 +299,10 @@ def held_modes(stated: Sequence[Mode], found: Sequence[Mode]) -> tuple[Mode, ...
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SuggestedFacts:
-    """What logs suggest of the facts that a person has to state.
-
-    Attributes:
-        logs: the logs.
-        delays: read from them, s, each with its standard deviation; none where it was stated.
-    """
+    """What logs suggest of the facts that a person has to state."""
 
     logs: tuple[Trajectory, ...]
+    #: read from them, s, each with its standard deviation; none where it was stated
     delays: tuple[tuple[float, float], ...]
 
     def sample_time(self, hardware: Hardware) -> Quantity:

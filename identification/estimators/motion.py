@@ -76,15 +76,12 @@ def distinguishable_terms(trajectory: Trajectory) -> Model:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """How the device moved in each interval.
+    """How the device moved in each interval."""
 
-    Attributes:
-        direction: sign(q̇), by the time spent on either side where it turns; n - 1 intervals.
-        moving: 1, or 0 where the device stood still, shape (n - 1,). Standing, static friction
-            balances the force: q̈, q̇ and the sum of all forces are zero, whatever the force is.
-    """
-
+    #: sign(q̇), by the time spent on either side where it turns; n - 1 intervals
     direction: HeldColumn
+    #: 1, or 0 where the device stood still, shape (n - 1,). Standing, static friction balances the
+    #: force: q̈, q̇ and the sum of all forces are zero, whatever the force is.
     moving: FloatArray
 
     @classmethod

@@ -28,19 +28,12 @@ _RATIOS = 21
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnequalCoupling:
-    """Entries across the diagonal of a matrix that differ; kg (kg·m²) or N·s/m (N·m·s/rad).
+    """Entries across the diagonal of a matrix that differ; kg (kg·m²) or N·s/m (N·m·s/rad)."""
 
-    Attributes:
-        axes: their names.
-        which: the matrix whose entries differ most surely.
-        forth: force on the first axis by the motion of the second.
-        back: force on the second axis by the motion of the first.
-    """
-
-    axes: tuple[str, str]
-    which: Literal["mass", "damping"]
-    forth: float
-    back: float
+    axes: tuple[str, str]  # their names
+    which: Literal["mass", "damping"]  # the matrix whose entries differ most surely
+    forth: float  # force on the first axis by the motion of the second
+    back: float  # force on the second axis by the motion of the first
 
     @property
     def ratio(self) -> float:

@@ -76,19 +76,12 @@ class _JointFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxesFit:
-    """What logs of several axes said.
+    """What logs of several axes said."""
 
-    Attributes:
-        poses: the joint fit of each pose.
-        logs: what each axis of each pose shows alone.
-        records: of the logs, for the device.
-        findings: warnings, those allowed among them.
-    """
-
-    poses: tuple[_JointFit, ...]
-    logs: tuple[LogFit, ...]
-    records: tuple[LogRecord, ...]
-    findings: tuple[Finding, ...]
+    poses: tuple[_JointFit, ...]  # the joint fit of each pose
+    logs: tuple[LogFit, ...]  # what each axis of each pose shows alone
+    records: tuple[LogRecord, ...]  # of the logs, for the device
+    findings: tuple[Finding, ...]  # warnings, those allowed among them
 
     def device(self, hardware: Hardware) -> Device:
         """The device all poses make: mass and damping over every direction, axes at their worst.

@@ -242,20 +242,17 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
 
 
 class _Sheet:
-    """A sheet as lines of cells between tabs.
-
-    Attributes:
-        text: the lines, down to the last that is not empty.
-        first: the first date, time of day or duration by column; cells are seconds since.
-    """
+    """A sheet as lines of cells between tabs."""
 
     def __init__(self, path: Path, sheet: Any, most: int | None = None) -> None:
         """Takes a sheet of openpyxl, so many of its rows at most."""
+        #: The first date, time of day or duration by column; cells are seconds since.
         self.first: dict[int, timedelta] = {}
         rows = (
             "\t".join(map(self._cell, range(len(row)), row))
             for row in islice(_rows(path, sheet), most)
         )
+        # Down to the last line that is not empty.
         self.text = "\n".join(rows).rstrip("\t\n").encode() + b"\n"
 
     def _cell(self, place: int, cell: Any) -> str:

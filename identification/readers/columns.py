@@ -80,19 +80,12 @@ _SIZES: dict[str, dict[Motion | None, dict[float | None, str]]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """What a file holds of a log.
+    """What a file holds of a log."""
 
-    Attributes:
-        values: columns by role, in the units of the file, each of shape (rows,).
-        names: of these columns in the file, units and all.
-        notes: what had to be understood before the file was a table, in words.
-        in_seconds: time comes from dates or durations, which carry their own unit.
-    """
-
-    values: dict[str, FloatArray]
-    names: dict[str, str]
-    notes: tuple[str, ...] = ()
-    in_seconds: bool = False
+    values: dict[str, FloatArray]  # columns by role, in the units of the file, shape (rows,) each
+    names: dict[str, str]  # of these columns in the file, units and all
+    notes: tuple[str, ...] = ()  # what had to be understood before the file was a table, in words
+    in_seconds: bool = False  # time comes from dates or durations, which carry their own unit
 
 
 #: SI units in one unit of a column: of one axis, or of each of several.

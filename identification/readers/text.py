@@ -81,25 +81,15 @@ _RUNS = (b"  ", b"\t", b"\n ", b" \n", b" \r")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Where a table stands in lines of text, and how it is written.
+    """Where a table stands in lines of text, and how it is written."""
 
-    Attributes:
-        separator: of the samples; a space stands for spaces and tabs of any number.
-        decimal: what stands before decimals.
-        header: line of the names of the columns, 0 the first; -1 where their places name them.
-        first: line of the first sample.
-        names: of all columns; units from a line of their own stand behind them in brackets.
-        wanted: names of the columns of the log by role, from ``names``.
-        notes: what was left out or taken from another line, in words.
-    """
-
-    separator: str
-    decimal: Decimal = "point"
-    header: int
-    first: int
-    names: tuple[str, ...]
-    wanted: dict[str, str]
-    notes: tuple[str, ...] = ()
+    separator: str  # of the samples; a space stands for spaces and tabs of any number
+    decimal: Decimal = "point"  # what stands before decimals
+    header: int  # line of the names of the columns, 0 the first; -1 where their places name them
+    first: int  # line of the first sample
+    names: tuple[str, ...]  # of all columns; units of a line of their own stand behind in brackets
+    wanted: dict[str, str]  # names of the columns of the log by role, from ``names``
+    notes: tuple[str, ...] = ()  # what was left out or taken from another line, in words
 
     @property
     def places(self) -> dict[str, int]:

@@ -48,11 +48,6 @@ def fastest(generator: FloatArray) -> FloatArray:
     return np.max(np.abs(np.linalg.eigvals(generator)), axis=-1)
 
 
-def fastest_oscillation(generator: FloatArray) -> FloatArray:
-    """The largest angular frequency in the law, 1/s, shape (batch,)."""
-    return np.max(np.abs(np.linalg.eigvals(generator).imag), axis=-1)
-
-
 def _runge_kutta(generator: FloatArray, step: FloatArray) -> FloatArray:
     """One step from the unit vectors, less where they started."""
     unit = np.eye(generator.shape[-1])
@@ -305,7 +300,9 @@ class FlexibleDynamics:
         if self._directed:
             self._generators.append(backward.free())
         self._rate = np.max([fastest(each) for each in self._generators], axis=0)
-        turns = np.max([fastest_oscillation(each) for each in self._generators], axis=0)
+        turns = np.max(
+            [np.abs(np.linalg.eigvals(each).imag).max(axis=-1) for each in self._generators], axis=0
+        )
         self._cut = turns / _REVERSAL_STEP if self._turning.any() else np.zeros(batch)
         self._holding = forward.holding()
         self._grip = (friction + askew, friction - askew)

@@ -41,12 +41,10 @@ class ForceSignal:
     Attributes:
         force: N (N·m), shape (batch, n).
         start: position at t = 0 that centres the motion about zero, m (rad), shape (batch,).
-        reach: half the range of positions it visits without noise, m (rad), shape (batch,).
     """
 
     force: FloatArray
     start: FloatArray
-    reach: FloatArray
 
 
 def multisine(rig: Rig, samples: int, *, fade: float = 1.0) -> FloatArray:
@@ -131,7 +129,7 @@ def fit_to_limits(
         scale = low + part * (high - low)
     if not np.all(reached > 0):
         raise ValueError(f"{rig.name} leaves its travel of {np.min(travel):g} at every force tried")
-    return ForceSignal(force=_command(shape, low, rig), start=-centre, reach=reached)
+    return ForceSignal(force=_command(shape, low, rig), start=-centre)
 
 
 def _command(shape: FloatArray, scale: FloatArray, rig: Rig) -> FloatArray:

@@ -665,8 +665,8 @@ FAULTS: tuple[Fault, ...] = (
         ("intervals", "(shifts.T @ shifts + floor)", "(0.25 * shifts.T @ shifts + floor)"),
         (
             "intervals with instruments",
-            " if symmetric else _halfway(total, normal, right)",
-            "",
+            "_halfway(inverse, normal, right)",
+            'np.einsum("ijk,ik->ij", np.linalg.pinv(total - normal), right)',
         ),
     ),
     *_of(

@@ -397,11 +397,14 @@ def spread(
     singular = np.linalg.svd(total, compute_uv=False)
     weakest = max(singular[-1], _NOTHING * singular[0], np.finfo(float).tiny)
     condition = float(np.sqrt(singular[0] / weakest))
-    symmetric = instruments is None
-    shifts = _left_out(total, normal, right) if symmetric else _halfway(total, normal, right)
-    inverse = symmetric_inverse(total, _SINGULAR)
-    if not symmetric:
+    if instruments is None:
+        inverse = symmetric_inverse(total, _SINGULAR)
+        # The fit without a block differs from the whole one by -(A - A_i)⁺ c_i.
+        lost = np.einsum("ijk,ik->ij", symmetric_inverse(total - normal, _SINGULAR), right)
+        shifts = np.sqrt((count - 1) / count) * lost
+    else:
         inverse = np.asarray(np.linalg.pinv(total, rcond=_SINGULAR), dtype=np.float64)
+        shifts = _halfway(inverse, normal, right)
         inverse = inverse @ (tests @ tests.T / np.outer(sizes, sizes)) @ inverse.T
     # Nuisance columns take up their part of the signal, so only the rest can mislead.
     power = float(signal @ signal)
@@ -421,24 +424,14 @@ def spread(
     )
 
 
-def _left_out(total: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
-    """What the fit loses by leaving out each block, -(A - A_i)⁺ c_i, shape (blocks, p).
-
-    A is the sum of the symmetric blocks A_i; c_i, on the right, what each makes of the residual.
-    """
-    count = len(blocks)
-    lost = np.einsum("ijk,ik->ij", symmetric_inverse(total - blocks, _SINGULAR), right)
-    return np.sqrt((count - 1) / count) * lost
-
-
-def _halfway(total: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
+def _halfway(inverse: FloatArray, blocks: FloatArray, right: FloatArray) -> FloatArray:
     """(I - A⁻¹A_i)^(-1/2)·A⁻¹c_i: between what a block adds and what leaving it out would change.
 
     A block has taken part of its own noise; the first is too small for it and the second too large
-    (Bell and McCaffrey, Survey Methodology 28, 2002, p. 169). Arguments as for ``_left_out``.
+    (Bell and McCaffrey, Survey Methodology 28, 2002, p. 169). A is the sum of the blocks A_i; c_i,
+    on the right, what each makes of the residual; shape (blocks, p).
     """
-    inverse = np.linalg.pinv(total, rcond=_SINGULAR)
-    rest, back = np.linalg.eig(np.eye(len(total)) - inverse @ blocks)
+    rest, back = np.linalg.eig(np.eye(len(inverse)) - inverse @ blocks)
     forth = np.einsum("ijk,ik->ij", np.linalg.pinv(back), right @ inverse.T)
     # A direction that one block alone tells has no residual there.
     kept = np.abs(rest) > _SINGULAR

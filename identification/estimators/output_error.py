@@ -81,7 +81,8 @@ class _Problem:
             moved += weight * device.slope_by_rate(held)
             added += weight * device.gain(held)[0]
         speed = device.speed(added, start=float(weights[-2]))
-        slopes = [device.position_slope(speed, moved)[self.known :]]
+        moved += speed[:-1] * _coasting_slope(device)
+        slopes = [device.position(moved)[0][self.known :]]
         if self.drive.delay is None:
             later = self.drive.slope_by_delay(device, self.drive.delay_of(theta))
             slopes.append(weights[0] * device.position(later)[0][self.known :])

@@ -361,11 +361,6 @@ class HeldResponse:
         """Position, shape (n,), from a start velocity of 1 under no force."""
         return self.position(np.zeros((2, intervals)), start=1.0)[0]
 
-    def position_slope(self, speed: FloatArray, slope: FloatArray) -> FloatArray:
-        """Derivative of a position by p, from its velocity and the slope of what is added."""
-        coasted = self.full.decay_slope * speed[:-1], self.full.speed_slope * speed[:-1]
-        return self.position(slope + coasted)[0]
-
 
 def accumulate_decay(
     decay: FloatArray, added: Sequence[FloatArray], start: Sequence[float]

@@ -309,8 +309,8 @@ class Regression:
         if not self.model.coulomb:
             return self
         signals = self.signals
-        applied = smoothed = before = np.empty(0)
-        table = self
+        applied, smoothed = self.held_force(delay).mean(), self.low_pass.continued(signals.speed)
+        table, before = self, np.empty(0)
         for _ in range(REFINEMENTS):
             values = dict(zip(self.model.parameters, table.solve(delay), strict=True))
             friction = values["coulomb_friction"]
@@ -320,9 +320,6 @@ class Regression:
             if values["mass"] <= 0 or np.any(np.abs(friction - before) < _SETTLED * friction):
                 break
             before = np.append(before, friction)
-            if not smoothed.size:
-                applied = self.held_force(delay).mean()
-                smoothed = self.low_pass.continued(signals.speed)
             motion = refine_motion(
                 table.motion,
                 smoothed,

@@ -105,7 +105,6 @@ class Rig:
         encoder_resolution: one count, m (rad); 0 means no rounding.
         force_limit: largest |force| the actuator gives, N (N·m); may be infinite.
         damping_asymmetry: a, N·s/m (N·m·s/rad): the damping is b + a for q̇ > 0, b - a for q̇ < 0.
-        coulomb_asymmetry: c, N (N·m), |c| <= Fc: likewise Fc + c and Fc - c.
         stiffness: k of a spring to ground, relaxed at zero, N/m (N·m/rad), any sign.
         gravity_sine: gs, N (N·m).
         gravity_cosine: gc, N (N·m).
@@ -116,10 +115,8 @@ class Rig:
         axis: name of the axis.
         motion: "linear" or "rotary".
 
-    The law is m·q̈ + (b ± a)·q̇ + (Fc ± c)·sign(q̇) + f0 + k·q + gs·sin(q) + gc·cos(q) = F(t - delay),
-    the upper sign for q̇ > 0. At rest the pull must exceed the friction of its own sense. Since
-    (Fc ± c)·sign(q̇) is Fc·sign(q̇) + c whatever the direction, at rest too, no motion can tell c
-    from f0: only their sum shows.
+    The law is m·q̈ + (b ± a)·q̇ + Fc·sign(q̇) + f0 + k·q + gs·sin(q) + gc·cos(q) = F(t - delay), the
+    upper sign for q̇ > 0. Coulomb friction that differs by direction is Fc and an offset.
 
     With modes q is the rigid coordinate, on which friction and field act, and mass the whole mass.
 
@@ -138,7 +135,6 @@ class Rig:
     encoder_resolution: FloatArray
     force_limit: FloatArray
     damping_asymmetry: FloatArray
-    coulomb_asymmetry: FloatArray
     stiffness: FloatArray
     gravity_sine: FloatArray
     gravity_cosine: FloatArray
@@ -160,7 +156,6 @@ class Rig:
         encoder_resolution: ArrayLike = 0.0,
         force_limit: ArrayLike = np.inf,
         damping_asymmetry: ArrayLike = 0.0,
-        coulomb_asymmetry: ArrayLike = 0.0,
         stiffness: ArrayLike = 0.0,
         gravity_sine: ArrayLike = 0.0,
         gravity_cosine: ArrayLike = 0.0,
@@ -181,12 +176,6 @@ class Rig:
                 permitted += " and not negative" if key in _NOT_NEGATIVE else ""
                 raise ValueError(f"{key} must be {permitted}, not {array[wrong][0]:g}")
             object.__setattr__(self, key, read_only_copy(array))
-        uneven = np.abs(self.coulomb_asymmetry) > self.coulomb_friction
-        if np.any(uneven):
-            raise ValueError(
-                f"coulomb_asymmetry must not exceed coulomb_friction, "
-                f"{self.coulomb_friction[uneven][0]:g}, not {self.coulomb_asymmetry[uneven][0]:g}"
-            )
         sizes = {size for mode in modes for size in mode.sizes()} - {1, self.mass.size}
         if sizes:
             raise ValueError(f"modes must be of {self.mass.size} devices or of 1, not {sizes}")

@@ -244,7 +244,7 @@ def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
     """Friction and field of the device with the hand on it, per unit of their common mass."""
     column = partial(per_member, batch=mass.size)
     damping, uneven = column(rig.damping) + column(hand.damping), column(rig.damping_asymmetry)
-    friction, askew = column(rig.coulomb_friction), column(rig.coulomb_asymmetry)
+    friction = column(rig.coulomb_friction)
     rate = rate_back = damping / mass
     turning = friction > 0
     # An asymmetry is added for motion along +position and taken off for motion along -position.
@@ -259,9 +259,8 @@ def _drag(rig: Rig, hand: Hand, mass: FloatArray) -> Drag:
         field = Field(stiffness=stiffness / mass, sine=sine, cosine=cosine, curved=curved)
     return Drag(
         rate=rate,
-        grip=(friction + askew) / mass,
+        grip=friction / mass,
         rate_back=rate_back,
-        grip_back=(askew - friction) / mass,
         turning=turning if turning.any() else None,
         field=field,
     )
@@ -288,7 +287,7 @@ class FlexibleDynamics:
                 "lag; only one of the two is simulated: leave the modes and the lag out"
             )
         damping, uneven = column(rig.damping), column(rig.damping_asymmetry)
-        friction, askew = column(rig.coulomb_friction), column(rig.coulomb_asymmetry)
+        friction = column(rig.coulomb_friction)
         forward = Mechanism.of(rig, hand, batch, damping=damping + uneven)
         backward = Mechanism.of(rig, hand, batch, damping=damping - uneven)
         self._mechanism = Mechanism.of(rig, hand, batch, damping=damping)
@@ -305,7 +304,7 @@ class FlexibleDynamics:
         )
         self._cut = turns / _REVERSAL_STEP if self._turning.any() else np.zeros(batch)
         self._holding = forward.holding()
-        self._grip = (friction + askew, friction - askew)
+        self._grip = friction
         self._base = -column(rig.force_offset)
         self._push = column(hand.stiffness) * column(hand.rest)
         self._forces = loads
@@ -396,9 +395,7 @@ class FlexibleDynamics:
         """State one step/2^halving later if the direction of each member stays as it is."""
         z, direction = self._z[members], self._direction[members]
         pulled = z.copy()
-        pulled[:, -2] -= np.where(
-            direction > 0, self._grip[0][members], -self._grip[1][members]
-        ) * np.abs(direction)
+        pulled[:, -2] -= self._grip[members] * direction
         change = _applied(found[0][halving][members], pulled)
         stuck = np.flatnonzero(direction == 0)
         if stuck.size:
@@ -422,8 +419,7 @@ class FlexibleDynamics:
     def _way(self, members: Indices, z: FloatArray) -> FloatArray:
         """Direction in which members at rest are moved: 0 where friction holds them."""
         needed = np.einsum("bz,bz->b", self._holding[members], z)
-        forward, backward = (grip[members] for grip in self._grip)
-        return np.where(needed > forward, 1.0, np.where(needed < -backward, -1.0, 0.0))
+        return np.sign(needed) * (np.abs(needed) > self._grip[members])
 
 
 def _applied(change: FloatArray, state: FloatArray) -> FloatArray:

@@ -71,9 +71,8 @@ class Drag:
     """Resistance per unit mass; each array shape (batch,)."""
 
     rate: FloatArray  # p = b/m of motion along +position, 1/s
-    grip: FloatArray  # Fc/m of motion along +position, m/s² (rad/s²)
+    grip: FloatArray  # Fc/m, m/s² (rad/s²)
     rate_back: FloatArray  # along -position; the very same array where nothing differs
-    grip_back: FloatArray  # along -position, which is what it resists with: not positive
     #: where the law changes with the direction, or None when nowhere
     turning: NDArray[np.bool_] | None
     field: Field | None = None  # forces of position, or None when there are none
@@ -90,7 +89,6 @@ class Drag:
             rate=rate,
             grip=self.grip[which],
             rate_back=rate if self.rate_back is self.rate else self.rate_back[which],
-            grip_back=self.grip_back[which],
             turning=None if self.turning is None else self.turning[which],
             field=None if self.field is None else self.field.members(which),
         )
@@ -184,7 +182,7 @@ def _slipping(
     """
     net = pull if drag.field is None else pull - drag.field.at(state[0])
     tends = net + state[1] * _GOES_ON
-    held = np.minimum(np.maximum(tends, drag.grip_back), drag.grip)
+    held = np.minimum(np.maximum(tends, -drag.grip), drag.grip)
     rate = drag.rate
     if drag.rate_back is not drag.rate:
         rate = np.where(tends > 0, rate, drag.rate_back)

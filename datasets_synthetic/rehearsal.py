@@ -100,7 +100,7 @@ def _conditions(rig: Rig, hand: Hand | None, others: Sequence[Rig]) -> list[_Con
 
     Other devices are played without friction.
     """
-    bare = [replace(each, coulomb_friction=0.0, coulomb_asymmetry=0.0) for each in (rig, *others)]
+    bare = [replace(each, coulomb_friction=0.0) for each in (rig, *others)]
     hands = [(Hand(), False)] + ([] if hand is None else [(hand, True)])
     own = [rig, bare[0]] if rig.coulomb_friction[0] > 0 else bare[:1]
     return [

@@ -100,7 +100,7 @@ def fit_to_limits(
     """
     exact = replace(rig, encoder_resolution=0.0)
     travel = np.broadcast_to(np.asarray(travel, dtype=np.float64), rig.mass.shape)
-    held = rig.coulomb_friction + np.abs(rig.coulomb_asymmetry)
+    held = rig.coulomb_friction
     room = np.minimum(force, rig.force_limit) - np.abs(rig.force_offset)
     if np.any(room <= held):
         worst = int(np.argmin(room - held))

@@ -33,7 +33,7 @@ _DEVICE = Rig(
 _COARSE = replace(_DEVICE, encoder_resolution=5e-5)
 _FINE = replace(_DEVICE, encoder_resolution=6e-6)
 _RUBBING = replace(_DEVICE, coulomb_friction=0.8)
-_DIRECTIONAL = replace(_RUBBING, damping_asymmetry=2.0, coulomb_asymmetry=0.2)
+_DIRECTIONAL = replace(_RUBBING, damping_asymmetry=2.0, force_offset=0.2)
 _SLOW = replace(_DEVICE, sample_time=0.011, delay=0.0)
 _PROMPT = replace(_DEVICE, delay=0.0004)
 #: 0.3 kg hung 0.5 m from an axle: 1.5 N·m and a little across, its zero being off the vertical.

@@ -23,7 +23,6 @@ _TRUE = (
     "coulomb_friction",
     "force_offset",
     "damping_asymmetry",
-    "coulomb_asymmetry",
     "stiffness",
     "gravity_sine",
     "gravity_cosine",

@@ -94,26 +94,24 @@ class Recording:
     """Logs of a batch; arrays read-only. Rows that were lost from a log are still in the arrays.
 
     Attributes:
-        sample_time: s, shape (batch,); the mean step where stamps are uneven.
+        time: true instants of the samples, s, shape (batch, n).
         force: as commanded after the limit and before the delay, N (N·m), shape (batch, n).
         position: as the encoder reads it, m (rad), shape (batch, n).
         axis: name of the axis.
         motion: "linear" or "rotary".
         source: where the recording comes from, for messages.
-        stamps: true instants of uneven samples, s, shape (batch, n), or None for even ones.
         reference: what a servo followed, m (rad), shape (batch, n), or None.
         kept: which rows reached the log, shape (batch, n), or None for all.
         truth: the true motion, where it was watched.
         stopped: what a watched run goes on from.
     """
 
-    sample_time: FloatArray
+    time: FloatArray
     force: FloatArray
     position: FloatArray
     axis: str = "x"
     motion: Motion = "linear"
     source: str = "simulated"
-    stamps: FloatArray | None = None
     reference: FloatArray | None = None
     kept: NDArray[np.bool_] | None = None
     truth: Truth | None = None
@@ -122,22 +120,13 @@ class Recording:
     @property
     def batch(self) -> int:
         """Number of logs."""
-        return self.sample_time.size
-
-    @property
-    def time(self) -> FloatArray:
-        """True instants of the samples, s, shape (batch, n)."""
-        if self.stamps is not None:
-            return self.stamps
-        return self.sample_time[:, None] * np.arange(self.force.shape[1], dtype=np.float64)
+        return len(self.force)
 
     def trajectory(self, member: int = 0) -> Trajectory:
         """The log of one member. Raises LogRefusedError if it is no log (too short, diverged)."""
         rows = slice(None) if self.kept is None else self.kept[member]
-        step, count = float(self.sample_time[member]), self.force.shape[1]
-        even = step * np.arange(count, dtype=np.float64)
         return Trajectory(
-            time=(even if self.stamps is None else self.stamps[member])[rows],
+            time=self.time[member][rows],
             force=self.force[member][rows],
             position=self.position[member][rows],
             reference=None if self.reference is None else self.reference[member][rows],
@@ -245,13 +234,12 @@ def simulate(
             handle, speed, energy = (read_only_copy(each.T) for each in dynamics.seen(states))
         truth = Truth(handle=handle, speed=speed, energy=energy)
     return Recording(
-        sample_time=read_only_copy(sample_time),
+        time=read_only_copy(stamps.T),
         force=read_only_copy(sent.T),
         position=read_only_copy(readings.T),
         axis=rig.axis,
         motion=rig.motion,
         source=f"simulated {rig.name}",
-        stamps=None if clock.even else read_only_copy(stamps.T),
         reference=None if reference is None else read_only_copy(reference),
         kept=clock.kept(batch, samples, sources),
         truth=truth,

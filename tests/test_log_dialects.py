@@ -54,6 +54,11 @@ READ: dict[str, tuple[str | bytes, str, str]] = {
         ".txt",
         "spaces between columns",
     ),
+    "commas in the header, semicolons and decimal commas below": (
+        table("time,force,position", between=";", decimal=","),
+        ".csv",
+        "semicolons between columns, decimal commas",
+    ),
     "quoted cells with decimal commas": (
         in_lines(table(between='","', decimal=","), lambda lines: [f'"{line}"' for line in lines]),
         ".csv",

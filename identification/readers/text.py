@@ -437,7 +437,8 @@ def read_samples(path: Path, content: bytes, table: Table) -> Reading:
     if plain is not None:
         return Reading(values=plain, names=table.wanted, notes=table.notes)
     places = sorted(set(table.places.values()))
-    if table.first == 1 and separator != " ":
+    named = content.count(separator.encode(), 0, start) >= len(table.names) - 1
+    if table.first == 1 and separator != " " and named:
         # So that nobody holds the lines of a plain file twice.
         body, names = content, _parsed(content[:start], separator).columns
         stored = {place: names[place] for place in places}

@@ -200,10 +200,6 @@ class RigidDynamics:
         if self._loads is not None:
             self._resisted = self._loads[sample]
 
-    def go_on(self, state: FloatArray) -> None:
-        """The motion goes on from such a state."""
-        self._state = state
-
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
         pull = (acting - self._resisted) / self._mass
@@ -325,12 +321,6 @@ class FlexibleDynamics:
             self._z[:, -2] = self._base + self._forces.device[sample]
         if self._forces.handle is not None:
             self._z[:, -1] = self._push + self._forces.handle[sample]
-
-    def go_on(self, state: FloatArray) -> None:
-        """The motion goes on from such a state; what rests is judged anew, as at every sample."""
-        self._z = np.ascontiguousarray(state.T)
-        speed = self._z[:, self._mechanism.coordinates]
-        self._direction = np.where(self._turning, np.sign(speed), 1.0)
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""

@@ -8,9 +8,8 @@ while a wall pushes. A damper alone is switched at any moment.
 from __future__ import annotations
 
 from collections import deque
-from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Self, cast
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,32 +58,7 @@ class Calls(Batched):
         return int(np.argmax(asked)) if asked.any() else batch
 
 
-class _Remembering:
-    """What remembers something of each member; the last axis of its arrays is the batch."""
-
-    def members(self, which: NDArray[np.intp]) -> Self:
-        """A copy for these members, shape (members,), ascending, to go on with."""
-        some = copy(self)
-        for name, value in vars(self).items():
-            setattr(some, name, _taken(value, which))
-        return some
-
-
-def _taken(value: object, which: NDArray[np.intp]) -> Any:
-    """These members of what is an array or holds some; all else as it is."""
-    if isinstance(value, np.ndarray):
-        return cast("FloatArray", value).take(which, axis=-1)
-    if isinstance(value, tuple):
-        return tuple(_taken(each, which) for each in cast("tuple[object, ...]", value))
-    if isinstance(value, deque):
-        past = cast("deque[FloatArray]", value)
-        return deque((each.take(which, axis=-1) for each in past), maxlen=past.maxlen)
-    if isinstance(value, dict):
-        return {key: _taken(each, which) for key, each in cast("dict[int, object]", value).items()}
-    return value.members(which) if isinstance(value, (_Remembering, Observer)) else value
-
-
-class _Transitions(_Remembering):
+class _Transitions:
     """Elements that come and go, each remembering its rest, its level and how long it was quiet.
 
     All arrays have shape (elements, batch), but for ``calls``.
@@ -93,7 +67,6 @@ class _Transitions(_Remembering):
     def __init__(
         self,
         calls: Calls,
-        first: int,
         *,
         stiffness: FloatArray,
         damping: FloatArray,
@@ -106,12 +79,11 @@ class _Transitions(_Remembering):
     ) -> None:
         """K (N/m), B (N·s/m), M (kg), side (0: no wall), rest (m), bounds of each clamp (N).
 
-        All of the members from the first on. ``rest`` and ``level`` are views: what they are
-        changed to here is played. ``fade`` is the change of a level in a sample, 1 where nothing
-        fades.
+        ``rest`` and ``level`` are views: what they are changed to here is played. ``fade`` is the
+        change of a level in a sample, 1 where nothing fades.
         """
         batch = stiffness.shape[1]
-        self._stiffness, self._first = stiffness, first
+        self._stiffness = stiffness
         self._rest, self._bounds, self._level = rest, bounds, level
         self._spring, self._walls, self._side = stiffness > 0, side != 0, side
         self._place = rest.copy()
@@ -143,19 +115,6 @@ class _Transitions(_Remembering):
         self._fading = False  # whether anything has still to fade
         #: What acted since anybody asked whether it was quiet.
         self._unseen: deque[FloatArray] = deque(maxlen=calls.taps)
-
-    def members(self, which: NDArray[np.intp]) -> Self:
-        """A copy for these members of all; rests and levels are its own until they are shared."""
-        some = super().members(which[which >= self._first] - self._first)
-        masks = some._random, some._adverse, some._moved
-        some._random, some._adverse, some._moved = (
-            None if mask is None else _if_any(mask) for mask in masks
-        )
-        return some
-
-    def share(self, rest: FloatArray, level: FloatArray) -> None:
-        """Plays what rests and levels are changed to in these views, which hold the same."""
-        self._rest, self._level = rest, level
 
     def follow(self, reading: FloatArray, moving: FloatArray, law: FloatArray) -> None:
         """Changes levels, and what is entered in the law.
@@ -439,7 +398,7 @@ class Servo:
         return max(np.atleast_2d(self.reference).shape[0], self.regulator().size())
 
 
-class _Estimates(_Remembering):
+class _Estimates:
     """Second-order sections of the differences, a moving window, or observers by derivative.
 
     A section is x[k] = t·x[k-1] - p·x[k-2] + (1-t+p)·u[k]; p = 0 makes it one of first order.
@@ -519,7 +478,7 @@ def _low_pass_poles(
     return np.where(open_, 0.0, t), np.where(open_, 0.0, p)
 
 
-class ControlLaw(_Remembering):
+class ControlLaw:
     """A Controller at work: one call a sample, remembering what its filters need.
 
     The estimates of velocity and acceleration follow every reading, whatever acts. Arrays of
@@ -549,7 +508,6 @@ class ControlLaw(_Remembering):
             self._level = np.ones_like(self._rest)
             self._transitions = _Transitions(
                 calls.members(np.arange(first, sample_time.size)),
-                first,
                 stiffness=self._stiffness[:, some],
                 damping=self._damping[:, some],
                 mass=self._mass[:, some],
@@ -559,15 +517,6 @@ class ControlLaw(_Remembering):
                 bounds=(self._low[:, some], self._high[:, some]),
                 fade=sample_time[some] / rows["fade_time"][:, some].clip(sample_time[some]),
             )
-
-    def members(self, which: NDArray[np.intp]) -> Self:
-        """A copy for these members, shape (members,), ascending, to go on with."""
-        some = super().members(which)
-        if some._transitions is not None:
-            some._moving = int(np.count_nonzero(which < self._moving))
-            coming = slice(some._moving, None)
-            some._transitions.share(some._rest[:, coming], some._level[:, coming])
-        return some
 
     def force(self, reading: FloatArray) -> FloatArray:
         """Sum of what all elements give for this sample's reading (m), N, shape (batch,)."""

@@ -7,7 +7,6 @@ of integration with their error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 from math import comb
 
@@ -399,13 +398,6 @@ class Observer:
             wanted = wanted @ (shift - np.expm1(-turn)[:, None, None] * one)
         rows = [np.linalg.matrix_power(self._step, k + 1)[0] for k in range(states)]
         self._gain: FloatArray = wanted @ np.linalg.solve(np.array(rows), one[-1])
-
-    def members(self, which: NDArray[np.intp]) -> Observer:
-        """The observer of these members, shape (members,), with its states."""
-        some = copy(self)
-        some._gain = self._gain[which]
-        some._state = None if self._state is None else self._state[which]
-        return some
 
     def update(self, reading: FloatArray) -> FloatArray:
         """The states after this reading, shape (batch, states)."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from datasets_synthetic.device import FloatArray, Hand, Rig, per_member
 from datasets_synthetic.ending import DIES, PART, Allowed, Ending, Verdict, endings
 from datasets_synthetic.law import ADVERSE, NOBODY, RANDOM, Calls, Controller
-from datasets_synthetic.simulation import Recording, Stopped, Truth, simulate
+from datasets_synthetic.simulation import Recording, Truth, simulate
 
 Mask = NDArray[np.bool_]
 
@@ -210,11 +210,8 @@ def _played(
     *,
     samples: int,
     seeds: Sequence[int],
-    after: Stopped | None = None,
 ) -> tuple[Recording, list[str], Mask]:
     """Plays recorded over so many samples, what grew in each, or "", and which are pushed.
-
-    They go on, if they were played before, where they stopped.
 
     Pushed is what something pushes to the end, or whose steady travel is no fault for another
     reason.
@@ -279,7 +276,6 @@ def _played(
         watch=True,
         seed=seeds,
         largest_step=_LARGEST_STEP,
-        after=after,
     )
     assert seen.truth is not None
     net = steady - rigs.force_offset
@@ -439,14 +435,11 @@ def rehearse(
     ends: dict[int, Ending] = {}
     rates = _slowest_rates(controller, conditions, sizes.batch)
     left: list[int] = list(range(len(plays)))
-    stopped: Stopped | None = None
-    going: list[int] = []  # places of those that are left among those that were played last
     for samples in (sizes.samples, _LONGER * sizes.samples):
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
-        after = stopped and stopped.members(np.array(going, dtype=np.intp))
         seen, grown, pushes = _played(
-            controller, conditions, sizes, part, samples=samples, seeds=seeds, after=after
+            controller, conditions, sizes, part, samples=samples, seeds=seeds
         )
         count = sizes.count[[play.member for play in part]]
         long = PART * samples * float(rig.sample_time[0])
@@ -463,9 +456,7 @@ def rehearse(
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
-        stopped = seen.stopped
-        going = [place for place, k in enumerate(left) if not ends[k].at_rest]
-        left = [left[place] for place in going]
+        left = [k for k in left if not ends[k].at_rest]
         if not left:
             break
     return tuple(

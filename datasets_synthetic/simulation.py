@@ -61,35 +61,6 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stopped:
-    """Where a run stopped; the last axis of arrays is the batch.
-
-    Attributes:
-        law: with all that it remembers.
-        force: sent so far, N (N·m), shape (n, batch).
-        position: read so far, m (rad), of the same shape.
-        states: of the dynamics at each sample so far, shape (n, size, batch).
-        state: in which it stopped, shape (size, batch).
-    """
-
-    law: ControlLaw | None
-    force: FloatArray
-    position: FloatArray
-    states: FloatArray
-    state: FloatArray
-
-    def members(self, which: Indices) -> Stopped:
-        """That of these members, shape (members,), ascending, which go on without the others."""
-        return Stopped(
-            law=self.law and self.law.members(which),
-            force=self.force[:, which],
-            position=self.position[:, which],
-            states=self.states[..., which],
-            state=self.state.take(which, axis=1),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
     """Logs of a batch; arrays read-only. Rows that were lost from a log are still in the arrays.
 
@@ -103,7 +74,6 @@ class Recording:
         reference: what a servo followed, m (rad), shape (batch, n), or None.
         kept: which rows reached the log, shape (batch, n), or None for all.
         truth: the true motion, where it was watched.
-        stopped: what a watched run goes on from.
     """
 
     time: FloatArray
@@ -115,7 +85,6 @@ class Recording:
     reference: FloatArray | None = None
     kept: NDArray[np.bool_] | None = None
     truth: Truth | None = None
-    stopped: Stopped | None = None
 
     @property
     def batch(self) -> int:
@@ -150,7 +119,6 @@ def simulate(
     push: FloatArray | None = None,
     watch: bool = False,
     largest_step: float = LARGEST_STEP,
-    after: Stopped | None = None,
 ) -> Recording:
     """Run a batch of devices for n samples.
 
@@ -175,8 +143,6 @@ def simulate(
         watch: whether the true motion is recorded too.
         largest_step: largest |h·p| of one integration step h of a rigid device, without unit; see
             motion.py for the error.
-        after: where a shorter run of the same members stopped, whose law goes on: n counts from its
-            start and what it played stays.
 
     Returns:
         One log a member. A loop that grows without bound ends in values that are not finite,
@@ -213,20 +179,15 @@ def simulate(
         reference = _followed(controller, batch, samples)
         command = command + column(controller.stiffness)[:, None] * reference
         controller = controller.regulator()
-    if after is not None:
-        law = after.law
-    else:
-        law = None if controller is None else ControlLaw(controller, sample_time)
     sent, readings, states = _run(
         dynamics,
         timetable,
         np.repeat(command.T, batch // command.shape[0], axis=1),
-        law=law,
+        law=None if controller is None else ControlLaw(controller, sample_time),
         limit=column(rig.force_limit),
         encoder=Encoder(column(rig.encoder_resolution)),
         noise=noise,
         watch=watch,
-        after=after,
     )
     truth = None
     if states is not None:
@@ -243,9 +204,6 @@ def simulate(
         reference=None if reference is None else read_only_copy(reference),
         kept=clock.kept(batch, samples, sources),
         truth=truth,
-        stopped=None
-        if states is None
-        else Stopped(law=law, force=sent, position=readings, states=states, state=dynamics.state()),
     )
 
 
@@ -270,7 +228,6 @@ def _run(
     encoder: Encoder,
     noise: FloatArray | None,
     watch: bool,
-    after: Stopped | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Forces sent and readings, shape (samples, batch) each, and all states if they are watched."""
     samples, lead = len(command), timetable.lead
@@ -280,15 +237,8 @@ def _run(
     flat = commands.ravel()  # a view: row by row, one member after the other
     readings = np.empty_like(command)
     states = np.empty((samples, *dynamics.state().shape)) if watch else None
-    first = 0
-    if after is not None:
-        first = len(after.force)
-        dynamics.go_on(after.state)
-        commands[lead : lead + first], readings[:first] = after.force, after.position
-        if states is not None:
-            states[:first] = after.states
     with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(first, samples):
+        for k in range(samples):
             q = dynamics.measured()
             readings[k] = reading = encoder.read(q if noise is None else q + noise[k])
             if states is not None:

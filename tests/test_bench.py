@@ -21,7 +21,6 @@ from datasets_synthetic import (
     bundled_path,
     named_rig,
     rehearse,
-    simulate,
 )
 from identification import Hardware, load_device, load_document, load_mapping
 from tests.reference import Case, crossings, loop_along
@@ -247,52 +246,6 @@ def test_whatever_is_called_between_walls_it_ends_no_faster_and_comes_to_rest(na
         played = {trial.name for trial in each.trials}
         assert {"calls at random", "calls against it"} <= played
         assert ("damper against it" in played) == (name == "water")
-
-
-@pytest.mark.parametrize("modes", [0, 1])
-@pytest.mark.parametrize("kind", ["low-pass", "tracking"])
-def test_some_members_of_a_run_go_on_as_they_play_when_nothing_stops(kind: str, modes: int) -> None:
-    """Walls, fades and calls of every kind, with friction; to the last bit."""
-    count, some = 8, np.array([1, 4, 5, 7])
-    member = np.arange(count)
-    beside = (
-        VirtualElement(**WALL, side=-1),
-        VirtualElement(damping=np.array([0.0, 5.0, 10.0, 0.0, 5.0, 10.0, 0.0, 5.0])),
-        VirtualElement(mass=np.where(member % 2, 1.0, -0.5), fade_time=0.1),
-    )
-    calls = Calls(
-        caller=np.maximum(member - 5, 0),
-        entrance=np.where(member == 4, -0.05, -np.inf),
-        dampers=member == 7,
-        until=500,
-        taps=5,
-    )
-    filters: dict[str, Any] = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
-    order = 3 if kind == "tracking" else 2
-    law = Controller(**filters, acceleration_filter=kind, acceleration_filter_order=order)
-    law = replace(law, beside=beside, calls=calls)
-    mode = Vibration(frequency_hz=60.0, damping_ratio=0.05, at_encoder=0.5, at_handle=-0.5)
-    rig = replace(HOMEREHAB, modes=(mode,) * modes, coulomb_friction=np.where(member % 4, 1.0, 0.0))
-    start: dict[str, Any] = {"position": -0.004, "velocity": 0.02 * (1 + member), "watch": True}
-    push = 20.0 * np.sin(0.03 * np.arange(900))
-    whole = simulate(rig, np.zeros(900), controller=law, push=push, **start)
-    before = simulate(rig, np.zeros(300), controller=law, push=push[:300], **start)
-    start["velocity"] = start["velocity"][some]
-    assert before.stopped is not None
-    assert whole.truth is not None
-    after = simulate(
-        rig.members(some),
-        np.zeros(900),
-        controller=law.members(some),
-        push=push,
-        **start,
-        after=before.stopped.members(some),
-    )
-    assert after.truth is not None
-    assert np.any(np.abs(whole.force[some, 300:]) > 1.0, axis=1).all()
-    np.testing.assert_array_equal(after.force, whole.force[some])
-    np.testing.assert_array_equal(after.position, whole.position[some])
-    np.testing.assert_array_equal(after.truth.energy, whole.truth.energy[some])
 
 
 def test_a_hand_leans_on_a_wall_and_pushes_beyond_what_it_gives() -> None:

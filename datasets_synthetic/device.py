@@ -29,12 +29,6 @@ def read_only_copy(array: FloatArray) -> FloatArray:
     return copy
 
 
-def sum_of_those_there(*parts: FloatArray | None) -> FloatArray | None:
-    """The sum of arrays, some of which may be None; None where all are."""
-    there = [part for part in parts if part is not None]
-    return sum(there[1:], start=there[0]) if there else None
-
-
 class Batched:
     """A dataclass of numbers, or arrays of one value a member, shape (batch,)."""
 
@@ -297,14 +291,10 @@ class Sources:
         ]
 
 
-def white_noise(
-    sources: Sources, purpose: Purpose, rms: FloatArray, samples: int
-) -> FloatArray | None:
-    """Normal noise of the given rms (batch,), shape (samples, batch); None if every rms is zero."""
-    if not np.any(rms):
-        return None
+def white_noise(sources: Sources, purpose: Purpose, rms: FloatArray, samples: int) -> FloatArray:
+    """Normal noise of the given rms (batch,), shape (samples, batch)."""
     noise = np.zeros((samples, rms.size))
-    for member, source in enumerate(sources.generators(purpose)):
+    for member, source in enumerate(sources.generators(purpose) if np.any(rms) else ()):
         if rms[member] > 0:
             noise[:, member] = rms[member] * source.standard_normal(samples)
     return noise
@@ -323,13 +313,14 @@ def band_noise(
     rms: FloatArray,
     band: tuple[float, float],
     stamps: FloatArray,
-) -> FloatArray | None:
-    """Sines of equal amplitude spread over a band, Hz, in random phases; None if rms is zero.
+) -> FloatArray:
+    """Sines of equal amplitude spread over a band, Hz, in random phases.
 
     Stamps, s, have shape (n, batch) and need not be even.
     """
+    noise = np.zeros(stamps.shape)
     if not np.any(rms):
-        return None
+        return noise
     low, high = band
     place = (np.arange(_LINES) + np.arange(_LINES) * _GOLDEN % 1.0) / _LINES
     turns = 2 * np.pi * (low + (high - low) * place)
@@ -337,7 +328,6 @@ def band_noise(
     amplitude = rms * np.sqrt(2 / _LINES)
     common = stamps[:, :1]
     time = common if np.array_equal(np.broadcast_to(common, stamps.shape), stamps) else stamps
-    noise = np.zeros(stamps.shape)
     for line, turn in enumerate(turns):
         angle = turn * time
         noise += np.sin(angle) * (amplitude * np.cos(phase[:, line]))
@@ -464,13 +454,10 @@ class Hand(Batched):
     tremor: float | FloatArray = 0.0
     wander: float | FloatArray = 0.0
 
-    def push(self, sources: Sources, stamps: FloatArray) -> FloatArray | None:
-        """Force of tremor and voluntary motion (its spring at zero apart), N, shape (n, batch).
-
-        None where both are nothing.
-        """
+    def push(self, sources: Sources, stamps: FloatArray) -> FloatArray:
+        """Force of tremor and voluntary motion (its spring at zero apart), N, shape (n, batch)."""
         column = partial(per_member, batch=stamps.shape[1])
         moved = column(self.stiffness) * column(self.wander)
         tremor = band_noise(sources, "tremor", column(self.tremor), TREMOR_BAND, stamps)
         wander = band_noise(sources, "wander", moved, WANDER_BAND, stamps)
-        return sum_of_those_there(tremor, wander)
+        return tremor + wander

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic.device import FloatArray, Hand, Rig, per_member, sum_of_those_there
+from datasets_synthetic.device import FloatArray, Hand, Rig, per_member
 from datasets_synthetic.motion import Drag, Field, Part, Stride, advance
 
 Indices = NDArray[np.intp]
@@ -168,10 +168,10 @@ def _matrix(diagonal: list[FloatArray], hand: FloatArray, p: FloatArray) -> Floa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loads:
-    """Unlogged forces, held over each sample, N (N·m), shape (n, batch); None for none."""
+    """Unlogged forces, held over each sample, N (N·m), shape (n, batch)."""
 
-    device: FloatArray | None  # on the rigid coordinate
-    handle: FloatArray | None  # of a hand, besides its mass, damper and spring
+    device: FloatArray  # on the rigid coordinate
+    handle: FloatArray  # of a hand, besides its mass, damper and spring
 
 
 class RigidDynamics:
@@ -183,11 +183,10 @@ class RigidDynamics:
         column = partial(per_member, batch=position.size)
         self._mass = column(rig.mass) + column(hand.mass)
         self._drag = _drag(rig, hand, self._mass)
-        self._offset = column(rig.force_offset) - column(hand.stiffness) * column(hand.rest)
-        pushed = sum_of_those_there(loads.device, loads.handle)
-        #: What resists besides drag, N, at each sample if it changes.
-        self._loads = None if pushed is None else np.ascontiguousarray(self._offset - pushed)
-        self._resisted = self._offset
+        offset = column(rig.force_offset) - column(hand.stiffness) * column(hand.rest)
+        #: What resists besides drag, N, at each sample.
+        self._loads = np.ascontiguousarray(offset - (loads.device + loads.handle))
+        self._resisted = self._loads[0]
         self._state = np.stack((position, velocity))
         self._strides: dict[int, Stride | None] = {}
 
@@ -197,8 +196,7 @@ class RigidDynamics:
 
     def begin(self, sample: int) -> None:
         """The unlogged forces are now those of this sample."""
-        if self._loads is not None:
-            self._resisted = self._loads[sample]
+        self._resisted = self._loads[sample]
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""
@@ -317,10 +315,8 @@ class FlexibleDynamics:
 
     def begin(self, sample: int) -> None:
         """The unlogged forces are now those of this sample."""
-        if self._forces.device is not None:
-            self._z[:, -2] = self._base + self._forces.device[sample]
-        if self._forces.handle is not None:
-            self._z[:, -1] = self._push + self._forces.handle[sample]
+        self._z[:, -2] = self._base + self._forces.device[sample]
+        self._z[:, -1] = self._push + self._forces.handle[sample]
 
     def move(self, acting: FloatArray, part: Part) -> None:
         """Moves on over a part of a sample, under the command in it, N (N·m), shape (batch,)."""

@@ -34,7 +34,6 @@ from datasets_synthetic.device import (
     per_member,
     read_only_copy,
     scatter,
-    sum_of_those_there,
     white_noise,
 )
 from datasets_synthetic.dynamics import FlexibleDynamics, Loads, RigidDynamics, fastest, maps
@@ -226,7 +225,7 @@ def _run(
     law: ControlLaw | None,
     limit: FloatArray,
     encoder: Encoder,
-    noise: FloatArray | None,
+    noise: FloatArray,
     watch: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Forces sent and readings, shape (samples, batch) each, and all states if they are watched."""
@@ -239,8 +238,7 @@ def _run(
     states = np.empty((samples, *dynamics.state().shape)) if watch else None
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(samples):
-            q = dynamics.measured()
-            readings[k] = reading = encoder.read(q if noise is None else q + noise[k])
+            readings[k] = reading = encoder.read(dynamics.measured() + noise[k])
             if states is not None:
                 states[k] = dynamics.state()
             if law is not None:
@@ -262,10 +260,9 @@ def _loads(
     column = partial(per_member, batch=batch)
     if pushed is not None and pushed.shape[1] != samples:
         raise ValueError(f"push has {pushed.shape[1]} samples, force {samples}: give as many")
-    held = None if pushed is None else np.broadcast_to(pushed.T, (samples, batch))
     return Loads(
         device=white_noise(sources, "force", column(faults.force_noise), samples),
-        handle=sum_of_those_there(hand.push(sources, stamps), held),
+        handle=hand.push(sources, stamps) + (0.0 if pushed is None else pushed.T),
     )
 
 

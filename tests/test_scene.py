@@ -40,7 +40,7 @@ def test_subsets_are_every_sum_that_can_be_felt() -> None:
     scene = _scene(elements=elements, together=[["c", "a", "b"], ["d", "a"]])
     expected = {("a",), ("b",), ("c",), ("d",)}
     expected |= {("a", "b"), ("a", "c"), ("b", "c"), ("a", "b", "c"), ("a", "d")}
-    found = scene.subsets()
+    found = scene.combinations()
     assert set(found) == expected
     assert len(found) == len(expected)
     assert [len(subset) for subset in found] == sorted(len(subset) for subset in found)
@@ -50,7 +50,7 @@ def test_a_group_beyond_the_largest_is_refused() -> None:
     names = [f"e{k}" for k in range(11)]
     elements = {name: {"damping": 1.0} for name in names}
     scene = _scene(elements=elements, together=[names[1:]])
-    assert len(scene.subsets()) == len(names) + 1013
+    assert len(scene.combinations()) == len(names) + 1013
     with pytest.raises(ValidationError, match="more than 10"):
         _scene(elements=elements, together=[names])
 

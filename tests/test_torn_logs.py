@@ -358,7 +358,7 @@ def test_scenes_without_end_are_told_before_work_begins(
 def test_the_largest_scene_is_no_offence(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(_scene(MOST_ELEMENTS, _GROUPS), encoding="utf-8")
-    assert len(load_scene(path).subsets()) == MOST_ELEMENTS + MOST_SUMS
+    assert len(load_scene(path).combinations()) == MOST_ELEMENTS + MOST_SUMS
 
 
 resource = pytest.importorskip("resource")

@@ -282,9 +282,9 @@ def _with_less(
 
     None where none can be less.
     """
-    from tune.documents.scene import Wish, one_of_each
+    from tune.documents.scene import Wish
 
-    elements, kinds = dict(scene.elements), one_of_each(scene.elements, scene.together, scene.apart)
+    elements, kinds = dict(scene.elements), scene.alike()
     for name in (each for each, first in kinds.items() if not {each, first}.isdisjoint(names)):
         wishes = elements[name].wishes()
         most = {

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from os import PathLike, fspath
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -35,14 +35,11 @@ from tune.documents.scene import (
     MARGINS,
     SMALLEST,
     EffectName,
+    ElementSets,
     Hand,
     Margin,
     MarginName,
     Motion,
-    Scene,
-    one_of_each,
-    refuse_strange_groups,
-    subsets_of,
 )
 
 #: Taps of a multiplier; tuning tries no more than twenty, and a proof takes time for each.
@@ -457,7 +454,7 @@ class MarginProfile(Margin):
         return cls(name=name, **dict(MARGINS[name]))
 
 
-class Design(Document):
+class Design(ElementSets):
     """A profile before it is certified."""
 
     schema_: Literal["haptune/profile/1"] = Field(default=_SCHEMA, alias="schema")
@@ -475,35 +472,6 @@ class Design(Document):
     skipped: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     method: dict[str, str] = Field(default_factory=dict[str, str], validate_default=True)
-
-    @model_validator(mode="after")
-    def _known(self) -> Design:
-        refuse_strange_groups(self.elements, self.together, self.walls, self.apart)
-        return self
-
-    @property
-    def walls(self) -> frozenset[str]:
-        """Names of the elements that push on one side only."""
-        return frozenset(name for name, element in self.elements.items() if element.one_sided)
-
-    def combinations(self) -> tuple[tuple[str, ...], ...]:
-        """Every set of elements that can be felt at once, singles first."""
-        return subsets_of(self.elements, self.together, self.walls, self.apart)
-
-    def one_of_each(self) -> Self:
-        """The design with the first element of each kind only."""
-        return first_of_each(self)
-
-
-_Elements = TypeVar("_Elements", bound=Scene | Design)
-
-
-def first_of_each(whole: _Elements) -> _Elements:
-    """A scene or a design with the first element of each kind only."""
-    first = {*one_of_each(whole.elements, whole.together, whole.apart).values()}
-    elements = {name: each for name, each in whole.elements.items() if name in first}
-    apart = tuple(pair for pair in whole.apart if first.issuperset(pair))
-    return whole.model_copy(update={"elements": elements, "apart": apart})
 
 
 class SafeProfile(Design, Tabular):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
 from os import PathLike
-from typing import Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -107,99 +107,12 @@ MOST_SUMS, MOST_UNLIKE_SUMS = 10_000, 1013
 MOST_ELEMENTS = 200
 
 
-def subsets_of(
-    elements: Iterable[str],
-    together: Iterable[Sequence[str]],
-    walls: Collection[str] = (),
-    apart: Iterable[Sequence[str]] = (),
-) -> tuple[tuple[str, ...], ...]:
-    """Every set of elements that can be felt at one moment, smaller sets first.
-
-    Each alone, each part of a group, and each wall beside each set of other elements: a wall is
-    geometry and is met wherever a hand happens to be. Walls of one side add where a group names
-    both.
-    """
-    order = {name: place for place, name in enumerate(elements)}
-    found: dict[frozenset[str], None] = {frozenset((name,)): None for name in order}
-    for members in groups_of(order, together):
-        for mask in range(1, 1 << len(members)):
-            found[frozenset(name for bit, name in enumerate(members) if mask >> bit & 1)] = None
-    facing = list(dict.fromkeys(part for each in found if (part := each & set(walls))))
-    others = list(dict.fromkeys(part for each in found if (part := each - set(walls))))
-    found |= dict.fromkeys(other | wall for other in others for wall in facing)
-    pairs = [frozenset(pair) for pair in apart]
-    kept = (each for each in found if not any(pair <= each for pair in pairs))
-    return tuple(sorted((tuple(sorted(each, key=order.__getitem__)) for each in kept), key=len))
-
-
 def groups_of(
     elements: Iterable[str], together: Iterable[Sequence[str]]
 ) -> tuple[tuple[str, ...], ...]:
     """The groups as a profile states them: each set once, names in the order of the elements."""
     order = {name: place for place, name in enumerate(elements)}
     return tuple(dict.fromkeys(tuple(sorted(set(g), key=order.__getitem__)) for g in together))
-
-
-def one_of_each(
-    elements: Mapping[str, object],
-    together: Iterable[Sequence[str]],
-    apart: Iterable[Sequence[str]],
-) -> dict[str, str]:
-    """For each element the first that is alike, often itself.
-
-    Alike are those of equal content that are in no group and apart from the same others: what is
-    tuned or proved of one is so of each.
-    """
-    pairs, grouped = [*apart], {*chain(*together)}
-    others = {name: {*chain(*(p for p in pairs if name in p))} - {name} for name in elements}
-    alone = [name for name in elements if name not in grouped]
-    found = {name: name for name in elements}
-    for name in alone:
-        alike = (each for each in alone if elements[each] == elements[name])
-        found[name] = next(each for each in alike if others[each] == others[name])
-    return found
-
-
-def refuse_strange_groups(
-    elements: Mapping[str, object],
-    together: Iterable[Sequence[str]],
-    walls: Collection[str] = (),
-    apart: Iterable[Sequence[str]] = (),
-) -> None:
-    """Raise ValueError for names that cannot be read and groups or pairs that are no such sets."""
-    for name in elements:
-        if not name.strip() or not name.isprintable():
-            raise ValueError(f"an element is named {name!r}; give it a word")
-    pairs, sets = list(apart), list(together)
-    for word, group in [*product(["together"], sets), *product(["apart"], pairs)]:
-        unknown = [name for name in group if name not in elements]
-        if unknown:
-            raise ValueError(f"{word} names {', '.join(unknown)[:80]}, which is no element")
-    for pair in pairs:
-        if len(pair) != 2 or len(set(pair)) != 2:
-            raise ValueError(f"apart needs two different elements, not [{', '.join(pair)}]"[:200])
-    for group in sets:
-        if len(set(group)) != len(group) or len(group) < 2:
-            raise ValueError(
-                f"together needs two or more different elements, not [{', '.join(group)}]"[:200]
-            )
-        if len(group) > _LARGEST_GROUP:
-            raise ValueError(f"together holds {len(group)} elements, more than {_LARGEST_GROUP}")
-        for pair in (each for each in pairs if set(each) <= set(group)):
-            raise ValueError(f"{' and '.join(pair)} are both together and apart"[:200])
-    if len(elements) > MOST_ELEMENTS:
-        raise ValueError(
-            f"there are {len(elements)} elements, more than {MOST_ELEMENTS}; split them"
-        )
-    unlike = {*one_of_each(elements, sets, pairs).values()}
-    sums = [each for each in subsets_of(elements, sets, walls, pairs) if len(each) > 1]
-    apiece = sum(unlike.issuperset(each) for each in sums)
-    if apiece > MOST_UNLIKE_SUMS or len(sums) > MOST_SUMS:
-        raise ValueError(
-            f"{apiece} sums of unlike elements are to be certified, {len(sums)} of all, more than "
-            f"{MOST_UNLIKE_SUMS} or {MOST_SUMS}; name fewer or smaller groups together, name walls "
-            "apart from what they do not meet, or split the rest into scenes of their own"
-        )
 
 
 class Hand(Document):
@@ -560,7 +473,104 @@ class LoopFreedom(Document):
         return RATIOS if free else RATIOS[:1]
 
 
-class Scene(Document):
+class ElementSets(Document):
+    """Elements of a scene or a design: which are met together, kept apart, or alike."""
+
+    if TYPE_CHECKING:  # each has them where its file does
+        elements: dict[str, Any]
+        together: tuple[tuple[str, ...], ...]
+        apart: tuple[tuple[str, ...], ...]
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        """Refuse names that cannot be read and groups or pairs that are no such sets."""
+        for name in self.elements:
+            if not name.strip() or not name.isprintable():
+                raise ValueError(f"an element is named {name!r}; give it a word")
+        for word, group in [*product(["together"], self.together), *product(["apart"], self.apart)]:
+            unknown = [name for name in group if name not in self.elements]
+            if unknown:
+                raise ValueError(f"{word} names {', '.join(unknown)[:80]}, which is no element")
+        for pair in self.apart:
+            if len(pair) != 2 or len(set(pair)) != 2:
+                seen = f"apart needs two different elements, not [{', '.join(pair)}]"
+                raise ValueError(seen[:200])
+        for group in self.together:
+            if len(set(group)) != len(group) or len(group) < 2:
+                seen = f"together needs two or more different elements, not [{', '.join(group)}]"
+                raise ValueError(seen[:200])
+            if len(group) > _LARGEST_GROUP:
+                seen = f"together holds {len(group)} elements, more than {_LARGEST_GROUP}"
+                raise ValueError(seen)
+            for pair in (each for each in self.apart if set(each) <= set(group)):
+                raise ValueError(f"{' and '.join(pair)} are both together and apart"[:200])
+        count = len(self.elements)
+        if count > MOST_ELEMENTS:
+            raise ValueError(f"there are {count} elements, more than {MOST_ELEMENTS}; split them")
+        unlike = {*self.alike().values()}
+        sums = [each for each in self.combinations() if len(each) > 1]
+        apiece = sum(unlike.issuperset(each) for each in sums)
+        if apiece > MOST_UNLIKE_SUMS or len(sums) > MOST_SUMS:
+            raise ValueError(
+                f"{apiece} sums of unlike elements are to be certified, {len(sums)} of all, more "
+                f"than {MOST_UNLIKE_SUMS} or {MOST_SUMS}; name fewer or smaller groups together, "
+                "name walls apart from what they do not meet, or split the rest into scenes of "
+                "their own"
+            )
+        return self
+
+    @property
+    def walls(self) -> frozenset[str]:
+        """Names of the elements that push on one side only."""
+        return frozenset(name for name, element in self.elements.items() if element.one_sided)
+
+    def combinations(self) -> tuple[tuple[str, ...], ...]:
+        """Every set of elements that can be felt at one moment, smaller sets first.
+
+        Each alone, each part of a group, and each wall beside each set of other elements: a wall is
+        geometry and is met wherever a hand happens to be. Walls of one side add where a group names
+        both.
+        """
+        order, walls = {name: place for place, name in enumerate(self.elements)}, self.walls
+        found: dict[frozenset[str], None] = {frozenset((name,)): None for name in order}
+        for members in groups_of(order, self.together):
+            for mask in range(1, 1 << len(members)):
+                part = frozenset(name for bit, name in enumerate(members) if mask >> bit & 1)
+                found[part] = None
+        facing = list(dict.fromkeys(part for each in found if (part := each & walls)))
+        others = list(dict.fromkeys(part for each in found if (part := each - walls)))
+        found |= dict.fromkeys(other | wall for other in others for wall in facing)
+        pairs = [frozenset(pair) for pair in self.apart]
+        kept = (each for each in found if not any(pair <= each for pair in pairs))
+        return tuple(sorted((tuple(sorted(each, key=order.__getitem__)) for each in kept), key=len))
+
+    def alike(self) -> dict[str, str]:
+        """For each element the first that is alike, often itself.
+
+        Alike are those of equal content that are in no group and apart from the same others: what
+        is tuned or proved of one is so of each.
+        """
+        elements, grouped = self.elements, {*chain(*self.together)}
+        others = {
+            name: {*chain(*(pair for pair in self.apart if name in pair))} - {name}
+            for name in elements
+        }
+        alone = [name for name in elements if name not in grouped]
+        found = {name: name for name in elements}
+        for name in alone:
+            alike = (each for each in alone if elements[each] == elements[name])
+            found[name] = next(each for each in alike if others[each] == others[name])
+        return found
+
+    def one_of_each(self) -> Self:
+        """All of it with the first element of each kind only."""
+        first = {*self.alike().values()}
+        elements = {name: each for name, each in self.elements.items() if name in first}
+        apart = tuple(pair for pair in self.apart if first.issuperset(pair))
+        return self.model_copy(update={"elements": elements, "apart": apart})
+
+
+class Scene(ElementSets):
     """A scene (scene.yaml): elements, which of them act together, hand, margin, filters."""
 
     schema_: Literal["haptune/scene/1"] = Field(default="haptune/scene/1", alias="schema")
@@ -573,20 +583,6 @@ class Scene(Document):
     elements: dict[str, Element] = Field(min_length=1)
     together: tuple[tuple[str, ...], ...] = ()
     apart: tuple[tuple[str, ...], ...] = ()
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Scene:
-        refuse_strange_groups(self.elements, self.together, self.walls, self.apart)
-        return self
-
-    @property
-    def walls(self) -> frozenset[str]:
-        """Names of the elements that push on one side only."""
-        return frozenset(name for name, element in self.elements.items() if element.one_sided)
-
-    def subsets(self) -> tuple[tuple[str, ...], ...]:
-        """Every set of elements that can be felt at one moment, singles first."""
-        return subsets_of(self.elements, self.together, self.walls, self.apart)
 
     def lead(self, element: str, kind: Literal["linear", "rotary"]) -> float | None:
         """How far before its face the damper of a wall may push, m (rad); None of others."""

@@ -37,7 +37,6 @@ from tune.documents.profile import (
     PerceptionProfile,
     SafeProfile,
     WorstPoint,
-    first_of_each,
 )
 from tune.documents.scene import (
     EFFECT_NAMES,
@@ -129,7 +128,7 @@ def optimise(
     refusal = refusal_of(device, held=scene.hand != "none")
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
-    task = DesignTask.of(as_stored(device), first_of_each(scene), table or default_table(), favour)
+    task = DesignTask.of(as_stored(device), scene.one_of_each(), table or default_table(), favour)
     choices = choose_filters(task, say)
     while True:
         filters, solved = _best_proved(task, choices, say)
@@ -323,7 +322,7 @@ def design_of(
     # Of every combination the elements of which something is left.
     margins = [
         found[part]._replace(elements=each)
-        for each in scene.subsets()
+        for each in scene.combinations()
         if (part := tuple(name for name in each if name in there)) in found
     ]
     absolute = proofs_of(solutions)

@@ -10,13 +10,13 @@ from itertools import product
 
 from tune.certificate.certify import note_of_apart, note_of_dropped, note_of_unmet
 from tune.documents.profile import Design
-from tune.documents.scene import EFFECT_NAMES, Scene, groups_of, one_of_each
+from tune.documents.scene import EFFECT_NAMES, Scene, groups_of
 
 
 def with_all_alike(design: Design, scene: Scene) -> Design:
     """The design of a whole scene, from that of the first element of each kind."""
     order, members = [*scene.elements], dict[str, list[str]]()
-    kinds = one_of_each(scene.elements, scene.together, scene.apart)
+    kinds = scene.alike()
     for name, first in kinds.items():
         members.setdefault(first, []).append(name)
     there = design.elements

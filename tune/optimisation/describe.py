@@ -425,7 +425,8 @@ def why_pumped(scene: Scene, design: Design, unknown: Unknown, size: float) -> s
             break
     else:
         ways.append(f"ask for much less than {format_number(unknown.sign * size)}")
-    met = dict.fromkeys(each for s in scene.subsets() if name in s for each in s if each != name)
+    sums = [each for each in scene.combinations() if name in each]
+    met = dict.fromkeys(each for names in sums for each in names if each != name)
     ways += [f"keep it apart from {' and '.join(met)}"] * bool(met)
     return _with_ways(_PUMPED, ways)
 

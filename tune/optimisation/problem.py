@@ -305,7 +305,7 @@ class DesignTask:
     def subsets(self, element: str) -> list[tuple[str, ...]]:
         """Every set of elements, this one the first of them, that can be felt at one moment."""
         if not self._subsets:
-            for subset in self.scene.subsets():
+            for subset in self.scene.combinations():
                 self._subsets.setdefault(subset[0], []).append(subset)
         return self._subsets[element]
 

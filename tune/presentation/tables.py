@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tune.documents.estimators import DERIVATIVES, filter_of
-from tune.documents.scene import EFFECT_NAMES, UNITS, one_of_each
+from tune.documents.scene import EFFECT_NAMES, UNITS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -111,7 +111,7 @@ def effects_table(profile: SafeProfile, *, everything: bool = False) -> Table:
 
 def _alike_lines(profile: SafeProfile) -> Iterator[str]:
     """Which elements the first of each kind stands for, where there are some."""
-    kinds = one_of_each(profile.elements, profile.together, profile.apart)
+    kinds = profile.alike()
     for first in dict.fromkeys(kinds.values()):
         others = [name for name, same in kinds.items() if same == first != name]
         if others:

@@ -48,25 +48,16 @@ _WIDTH, _HEIGHT, _COLUMNS = 11.0, 2.1, 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unlike:
-    """A device one quantity of which is not like that of the others, beyond its interval.
+    """A device one quantity of which is not like that of the others, beyond its interval."""
 
-    Attributes:
-        device: its name.
-        quantity: its column.
-        value, low, high: with the 95 % interval, SI units.
-        median: of the fleet.
-        spread: of the fleet, as a standard deviation.
-        distance: of the nearer end of the interval from the median, in spreads.
-    """
-
-    device: str
-    quantity: str
-    value: float
+    device: str  # its name
+    quantity: str  # its column
+    value: float  # with the 95 % interval, SI units
     low: float
     high: float
-    median: float
-    spread: float
-    distance: float
+    median: float  # of the fleet
+    spread: float  # of the fleet, as a standard deviation
+    distance: float  # of the nearer end of the interval from the median, in spreads
 
 
 def unlike_others(frame: polars.DataFrame) -> tuple[Unlike, ...]:

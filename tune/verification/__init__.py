@@ -176,11 +176,7 @@ class Verification:
         return {each.check for each in self.outcomes if each.verdict in {"agrees", "disagrees"}}
 
     def refuse_unassessed(self, remedy: str) -> None:
-        """Raise LogRefusedError unless enough was compared to speak of agreement.
-
-        Args:
-            remedy: what to play that tells more.
-        """
+        """Raise LogRefusedError, with what to play instead, unless enough was compared."""
         if self.assessed:
             return
         known = self._compared | _OF_THE_MODE if self._compared & _OF_THE_MODE else self._compared

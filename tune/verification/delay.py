@@ -206,15 +206,10 @@ def _reach(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kept:
-    """Whether one combination keeps its margin.
+    """Whether one combination keeps its margin."""
 
-    Attributes:
-        elements: that act together.
-        lost_at: the least delay, samples, at which an allowed loop does not keep the margin; None
-            where every one keeps it.
-    """
-
-    elements: Combination
+    elements: Combination  # that act together
+    # the least delay, samples, at which an allowed loop does not keep it; None where every one does
     lost_at: float | None
 
 
@@ -223,10 +218,9 @@ def judge_margin(
 ) -> Kept:
     """Whether a combination keeps the margin of its profile on some loops, under all filters.
 
-    Every gain in (0, g] must be stable, and every gain in (0, 1] with the extra delay of the
-    margin, half of it and all of it; without a hand and with every corner of the hand's box. Of
-    each mass and own stiffness the least and the largest damping that is allowed are judged, at
-    whole samples of delay and at the shortest and the longest delay.
+    Every gain in (0, g] must be stable, and every gain in (0, 1] with half and all of the extra
+    delay, without a hand and with every corner of the hand's box. Dampings are the ends of what is
+    allowed with each mass and own stiffness, delays whole samples and the ends.
     """
     margin, effects = profile.margin, effects_of(profile, combination)
     used = dict.fromkeys(used_filters(each, effects) for each in filters)
@@ -269,19 +263,13 @@ def _extremes(allowed: ConsistentLoops, delay: float) -> _Rigid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredDelay:
-    """What a log tells of the delay, and whether what was played keeps its margin.
+    """What a log tells of the delay, and whether what was played keeps its margin."""
 
-    Attributes:
-        allowed: loops that move as the log shows; None where neither frequency nor decay is known.
-        kept: whether what was played keeps its margin on all of them; None likewise.
-        filters: all that the log allows.
-        outcome: "delay".
-    """
-
+    # loops that move as the log shows; None where neither frequency nor decay is known
     allowed: ConsistentLoops | None
-    kept: Kept | None
-    filters: tuple[Filters, ...]
-    outcome: Outcome
+    kept: Kept | None  # on all of them; None likewise
+    filters: tuple[Filters, ...]  # all that the log allows
+    outcome: Outcome  # "delay"
 
 
 def judge_delay(
@@ -384,19 +372,12 @@ _STEP = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice:
-    """What to play for one combination.
+    """What to play for one combination."""
 
-    Attributes:
-        elements: that are to be verified.
-        play: that tells; None where nothing does.
-        why: what is wrong with playing the combination itself; "" where that tells.
-        add: an element that would tell, as a scene has it, where none does; "" if none is known.
-    """
-
-    elements: Combination
-    play: Play | None
-    why: str
-    add: str = ""
+    elements: Combination  # to be verified
+    play: Play | None  # that tells; None where nothing does
+    why: str  # what is wrong with playing the combination itself; "" where that tells
+    add: str = ""  # an element that would tell, as a scene has it, where none does; "" for none
 
     def words(self, motion: str) -> str:
         """One or two sentences, for a "linear" or "rotary" axis."""
@@ -422,15 +403,9 @@ def advise(
     targets: tuple[Combination, ...] | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> tuple[Advice, ...]:
-    """What to play for each combination: itself, else another element that tells of it.
+    """What to play for each target, None for all: itself, else another element that tells of it.
 
-    Args:
-        profile: that is to be verified.
-        targets: combinations; None is every one that plays anything.
-        say: is told the combination that is looked at.
-
-    Raises:
-        CheckFailedError: a device that no effect can be certified on.
+    Raises CheckFailedError for a device that no effect can be certified on.
     """
     refuse_unbalanced(profile.device)
     every = combinations_of(profile, None)

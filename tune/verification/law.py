@@ -35,10 +35,7 @@ _AND = "+"
 def combinations_of(profile: Design, element: str | None) -> tuple[Combination, ...]:
     """Every combination the log may be of, or the one named "wall" or "wall+water".
 
-    One with an element that gives no force plays what the others of it play.
-
-    Raises:
-        UsageError: no such element, or elements that are not felt together.
+    One with an element that gives no force plays what the others of it play. Raises UsageError.
     """
     every = profile.combinations()
     summary = tuple(
@@ -80,24 +77,17 @@ def combination_in_words(combination: Combination) -> str:
 class Outcome:
     """One comparison of a log with its profile.
 
-    Attributes:
-        check: what was compared: "encoder", "law", "gain", "velocity filter",
-            "acceleration filter", "frequency", "decay", "ripple" or "delay".
-        verdict: "agrees" and "disagrees" only where both sides were computed; "cannot tell" where
-            what is predicted is possible, and so is what must not be.
-        seen: what the log shows; the reason where nothing was assessed.
-        predicted: what the profile predicts; "" where that was not computed.
-        tolerance: what is allowed between the two; "" likewise.
-        remedy: what to do about a disagreement, or to have it assessed; "" otherwise.
-        numbers: those in the words, by name, in the units of the words; parts of 1 for percent.
+    It agrees or disagrees only where both sides were computed; it cannot tell where what is
+    predicted is possible, and so is what must not be.
     """
 
-    check: str
+    check: str  # what was compared, as `Verification` lists them
     verdict: Verdict
-    seen: str
-    predicted: str = ""
-    tolerance: str = ""
-    remedy: str = ""
+    seen: str  # what the log shows; the reason where nothing was assessed
+    predicted: str = ""  # by the profile; "" where that was not computed
+    tolerance: str = ""  # what is allowed between the two; "" likewise
+    remedy: str = ""  # of a disagreement, or to have it assessed; "" otherwise
+    # those in the words, by name, in the units of the words; parts of 1 for percent
     numbers: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property

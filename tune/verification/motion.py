@@ -484,23 +484,14 @@ _SETTLED, _REST = 5.0, 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Play:
-    """One log to take.
+    """One log to take."""
 
-    Attributes:
-        elements: to play.
-        gain: to play them at.
-        displacement: from which to let go, m (rad); None where a push is needed.
-        speed: of the push, m/s (rad/s); None where a displacement is needed.
-        duration: to log, s.
-        fade: until what fades has faded in, s; 0 where nothing does.
-    """
-
-    elements: Combination
-    gain: float
-    displacement: float | None
-    speed: float | None
-    duration: float
-    fade: float
+    elements: Combination  # to play
+    gain: float  # to play them at
+    displacement: float | None  # from which to let go, m (rad); None where a push is needed
+    speed: float | None  # of the push, m/s (rad/s); None where a displacement is needed
+    duration: float  # to log, s
+    fade: float  # until what fades has faded in, s; 0 where nothing does
 
     def words(self, motion: str) -> str:
         """An instruction, for a "linear" or "rotary" axis."""

@@ -185,7 +185,7 @@ def audit(
     if not extra_delay_samples >= 0:
         seen = f"{extra_delay_samples:g} would take away from the delay of the device"
         raise UsageError("--extra-delay-samples", seen, "Give 0 or more, or correct the device")
-    if several := [size.shape for size in effects.arrays() if size is not None and size.ndim]:
+    if several := [size.shape for size in effects.present().values() if size.ndim]:
         raise UsageError("effects", f"an array of shape {several[0]}", "Judge one of each a call")
     if like is not None:
         refuse_unknown("like", "element", like[1], like[0].elements)
@@ -310,9 +310,8 @@ def _scene_of(
     effects: Effects, filters: Filters, margin: MarginName, like: tuple[Design, str] | None
 ) -> dict[str, object]:
     """A scene file of these gains with these filters: its ranges are those of an audit."""
-    wanted = zip(EFFECT_NAMES, effects.arrays(), strict=True)
     asked: dict[str, object] = {
-        name: float(size) for name, size in wanted if size is not None and size != 0
+        name: float(size) for name, size in effects.present().items() if size != 0
     }
     loop: dict[str, object] = {
         "velocity_filter_hz": filters.velocity_filter_hz or "none",

@@ -84,19 +84,17 @@ class Shares:
     @classmethod
     def of(cls, device: Device, filters: Filters) -> Shares:
         """Shares at the device's best estimate; a vibration mode does not show at these motions."""
-        lag = device.current_lag
-        return _shares(
-            filters, device.sample_time.value, device.delay.value, 0.0 if lag is None else lag.value
-        )
+        return _shares(filters, *_timing(device))
 
 
-def impedances(
-    filters: Filters,
-    frequency: FloatArray,
-    *,
-    sample_time: float,
-    delay: float,
-    current_lag: float = 0.0,
+def _timing(device: Device) -> tuple[float, float, float]:
+    """(sample time, delay, lag of the current) at the best estimate, s."""
+    lag = device.current_lag
+    return device.sample_time.value, device.delay.value, 0.0 if lag is None else lag.value
+
+
+def _impedances(
+    filters: Filters, frequency: FloatArray, sample_time: float, delay: float, current_lag: float
 ) -> Impedances:
     """What a hand that moves in a sine feels, exact for the sampled, held force; SI units.
 
@@ -145,14 +143,7 @@ def felt_over_frequency(
 
     Of the shape of the frequencies; rotary units alike. Its spring is no part of the mass.
     """
-    lag = device.current_lag
-    told = impedances(
-        filters,
-        frequency,
-        sample_time=device.sample_time.value,
-        delay=device.delay.value,
-        current_lag=0.0 if lag is None else lag.value,
-    )
+    told = _impedances(filters, frequency, *_timing(device))
     moving = damping * told.damping + mass * told.mass
     return moving.imag / (2 * np.pi * frequency), (moving + stiffness * told.stiffness).real
 
@@ -189,9 +180,7 @@ def rendered_mass_and_damping(
 def _shares(filters: Filters, sample_time: float, delay: float, current_lag: float) -> Shares:
     nodes, weights = _nodes()
     frequency = np.concatenate([nodes, PLACES])
-    unit = impedances(
-        filters, frequency, sample_time=sample_time, delay=delay, current_lag=current_lag
-    )
+    unit = _impedances(filters, frequency, sample_time, delay, current_lag)
     turn = 2 * np.pi * frequency
 
     def band(values: FloatArray) -> Band:

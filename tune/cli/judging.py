@@ -193,9 +193,8 @@ def _filters(
 
 def _nearest(found: Audit) -> dict[str, float]:
     """Safe values by effect, those that were looked for; empty where none was found."""
-    values = () if found.nearest is None else found.nearest.arrays()
-    named = zip(("stiffness", "damping", "mass"), values, strict=False)
-    return {name: float(value) for name, value in named if value is not None}
+    nearest = {} if found.nearest is None else found.nearest.present()
+    return {name: float(value) for name, value in nearest.items()}
 
 
 def _audit_details(found: Audit) -> dict[str, object]:

@@ -62,6 +62,11 @@ class Effects:
         """True when no spring is part of the structure."""
         return self.stiffness is None
 
+    def present(self) -> dict[EffectName, FloatArray]:
+        """Those that are there, by name, as float64 arrays of the shapes given."""
+        named = zip(EFFECT_NAMES, self.arrays(), strict=True)
+        return {name: values for name, values in named if values is not None}
+
     def arrays(self) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
         """(K, B, M) as float64 arrays of the shapes given, ``None`` kept."""
         K, B, M = (
@@ -170,13 +175,8 @@ def _to_hand(raw: object) -> object:
 
 
 def _hand_in_file() -> WithJsonSchema:
-    schema = Hand.model_json_schema()
-    own: dict[str, Any] = {
-        "type": "object",
-        "properties": cast("dict[str, Any]", schema["properties"]),
-        "required": ["mass", "damping", "stiffness"],
-        "additionalProperties": False,
-    }
+    words = {"title", "description"}
+    own = {key: part for key, part in Hand.model_json_schema().items() if key not in words}
     return WithJsonSchema({"anyOf": [{"enum": ["none", "free-to-rigid"]}, own]})
 
 

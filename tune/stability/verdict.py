@@ -320,8 +320,7 @@ def verdict(loop: Loop, effects: Effects) -> VerdictArray:
     Of the broadcast shape of loop and effects. Without stiffness the pole of free motion is left
     out of the judgement.
     """
-    names = zip(EFFECT_NAMES, effects.arrays(), strict=True)
-    given = {name: value for name, value in names if value is not None}
+    given = effects.present()
     shape = np.broadcast_shapes(
         loop.terms.free.shape[1:], *(value.shape for value in given.values())
     )
@@ -506,8 +505,7 @@ def _answered(
     computed for itself, number by number, so that what a single loop answers it answers among a
     million too, to the last digit.
     """
-    given = zip(EFFECT_NAMES, effects.arrays(), strict=True)
-    present = {name: value for name, value in given if value is not None}
+    present = effects.present()
     shape = np.broadcast_shapes(
         loop.terms.free.shape[1:], *(value.shape for value in present.values())
     )

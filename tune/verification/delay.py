@@ -23,7 +23,7 @@ from identification import Device, quantity
 from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import EFFECT_NAMES, Effects
+from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, HandNumbers, ModeNumbers
 from tune.loop.polynomials import ComplexArray, FloatArray
@@ -441,8 +441,7 @@ def _pulling(profile: Design) -> Design:
 
 
 def _as_in_a_scene(effects: Effects) -> str:
-    named = zip(EFFECT_NAMES, effects.arrays(), strict=True)
-    sizes = (f"{name}: {float(size):.4g}" for name, size in named if size is not None)
+    sizes = (f"{name}: {float(size):.4g}" for name, size in effects.present().items())
     return f"spring: {{{', '.join(sizes)}}}"
 
 

@@ -117,7 +117,7 @@ def judge_across(
         columns = log.columns(law.loop)
         if columns is None:
             return unassessed_outcome("across", "too few rows")
-        if all(size is None for size in free.arrays()):
+        if not free.present():
             left.append(force[columns.rows])
         else:
             left.append(columns.force + force_of(played, columns.parts))

@@ -42,7 +42,7 @@ def combinations_of(profile: Design, element: str | None) -> tuple[Combination, 
         combination
         for combination in every
         if all(profile.elements[name].acting for name in combination)
-        and any(size is not None for size in effects_of(profile, combination).arrays())
+        and effects_of(profile, combination).present()
     )
     if element is None:
         return summary
@@ -64,8 +64,7 @@ def effects_of(profile: Design, combination: Combination) -> Effects:
 
 def scale_effects(effects: Effects, gain: float) -> Effects:
     """Effects at a gain; what is not there stays away."""
-    K, B, M = (None if size is None else float(size) * gain for size in effects.arrays())
-    return Effects(stiffness=K, damping=B, mass=M)
+    return Effects(**{name: float(size) * gain for name, size in effects.present().items()})
 
 
 def combination_in_words(combination: Combination) -> str:

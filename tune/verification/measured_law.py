@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from identification import Trajectory
 from tune.documents.estimators import DERIVATIVES, Derivative, filter_of
 from tune.documents.profile import Design, LoopProfile
-from tune.documents.scene import EFFECT_NAMES, UNITS, Effects
+from tune.documents.scene import UNITS, Effects
 from tune.loop.polynomials import FloatArray
 from tune.verification.law import (
     Combination,
@@ -382,13 +382,13 @@ def _unscaled(
     if columns is None:
         return
     free, residual = fit_free(columns)
-    sizes = dict(_sizes(free))
+    sizes = {name: float(size) for name, size in free.present().items()}
     sums = {
         name: abs(size) * rms(part)
         for (name, size), part in zip(sizes.items(), columns.parts, strict=True)
     }
     for combination, effects in combinations.items():
-        parts = {name: sizes[name] / size for name, size in _sizes(effects)}
+        parts = {name: sizes[name] / float(size) for name, size in effects.present().items()}
         extra = {
             name: size
             for name, size in sizes.items()
@@ -406,12 +406,6 @@ def _unscaled(
         )
         kept = {name: size for name, size in sizes.items() if name in {*parts, *extra}}
         yield (len(extra), spread), _Explanation(law, combination, Effects(**kept), residual)
-
-
-def _sizes(effects: Effects) -> Iterator[tuple[str, float]]:
-    for name, size in zip(EFFECT_NAMES, effects.arrays(), strict=True):
-        if size is not None:
-            yield name, float(size)
 
 
 def _variants(log: Log, loop: LoopProfile, combinations: Combinations) -> Iterator[_Variant]:

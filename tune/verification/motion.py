@@ -186,8 +186,7 @@ def predict(device: Device, loop: LoopProfile, effects: Effects) -> Prediction:
 
 def binding_stiffness(device: Device, effects: Effects) -> float:
     """K and the slope of the device's own force together, N/m; 0 where the position is free."""
-    own = device.slope_at_zero
-    return own if effects.stiffness is None else own + float(np.asarray(effects.stiffness))
+    return device.slope_at_zero + float(effects.present().get("stiffness", 0.0))
 
 
 def poles_by_size(loop: Loop, effects: Effects, sample_time: float) -> ComplexArray:
@@ -400,10 +399,9 @@ def _frequency_outcome(
 def _frequency_remedy(measured: FreeMotion, prediction: Prediction, effects: Effects) -> str:
     natural = float(np.hypot(2 * np.pi * measured.frequency, measured.decay))
     factor = (prediction.nominal.natural / natural) ** 2
-    virtual = 0.0 if effects.mass is None else float(np.asarray(effects.mass))
     said = (
         f"As if the moving mass were {factor:.3g} times the predicted one"
-        + (", the virtual mass included," if virtual else "")
+        + (", the virtual mass included," if effects.mass else "")
         + f" or the actuator gave {1 / factor:.3g} times the commanded force. "
     )
     for unit, size in (("mm", 1e3), ("cm", 1e2), ("degrees", 180 / np.pi)):
@@ -563,7 +561,7 @@ def _least_push(device: Device, effects: Effects, prediction: Prediction) -> Pus
     ln((v₀ + c)/(p·v₀ + c))/σ.
     """
     step, decay = device.sample_time.value, prediction.decay[1]
-    moved = device.mass.value + (0.0 if effects.mass is None else float(np.asarray(effects.mass)))
+    moved = device.mass.value + float(effects.present().get("mass", 0.0))
     held = device.coulomb_friction.high / (moved * decay)
     rows = max(_FEWEST_ROWS, round(_WINDOWS * _window(step)))
     rows = round(rows * (1.0 if effects.mass is None else _WITH_MASS))
@@ -587,7 +585,7 @@ def _displacement(
 
     At most so far that no force is cut, by an element or at the limit of the device.
     """
-    virtual = 0.0 if effects.stiffness is None else float(np.asarray(effects.stiffness))
+    virtual = float(effects.present().get("stiffness", 0.0))
     if device.force_limit is not None and virtual:
         most = min(most, device.force_limit.continuous / virtual)
     held = device.coulomb_friction.high / binding_stiffness(device, effects)

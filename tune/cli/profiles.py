@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Generator
-from contextlib import contextmanager, suppress
+from collections.abc import Collection
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
@@ -432,10 +432,11 @@ def export_command(
         texts = export(checked, target, node=called)
         folder = output / _PACKAGE if target == "ros2" else output
         files |= {folder / name: text for name, text in texts.items()}
-    with _unmade_on_failure() as made:
+    with ExitStack() as undone_on_failure:
         # What is refused in the folder itself leaves none made in it.
         for folder in () if dry_run else dict.fromkeys((output, *(path.parent for path in files))):
-            made.extend(() if os.path.isdir(folder) else (folder,))  # noqa: PTH112
+            if not os.path.isdir(folder):  # noqa: PTH112
+                undone_on_failure.callback(_remove_folder, folder)
             try:
                 folder.mkdir(exist_ok=True)
             except OSError as error:
@@ -443,6 +444,7 @@ def export_command(
             for path in (each for each in files if each.parent == folder):
                 session.target(path, profile)
         session.write_together(files, dry_run=dry_run)
+        undone_on_failure.pop_all()
     if checked.device.axes is not None:
         axes = ", ".join(checked.device.axes)
         session.say(
@@ -462,17 +464,9 @@ def export_command(
         )
 
 
-@contextmanager
-def _unmade_on_failure() -> Generator[list[Path]]:
-    """A list of folders that are made, which are gone again where what is done in them fails."""
-    made: list[Path] = []
-    try:
-        yield made
-    except BaseException:
-        for folder in reversed(made):
-            with suppress(OSError):
-                folder.rmdir()
-        raise
+def _remove_folder(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _of_other_profiles(folder: Path, written: set[Path], sealed: str) -> list[Path]:

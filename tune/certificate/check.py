@@ -575,8 +575,7 @@ def _wrong_methods(design: Design) -> Iterator[str]:
     """A method is named for the elements of each group in which something acts."""
     order = list(design.elements)
     for group in _connected(design):
-        played = [design.elements[name] for name in group]
-        acts = any(each.stiffness or each.damping or each.mass for each in played)
+        acts = any(design.elements[name].acting for name in group)
         name = ", ".join(sorted(group, key=order.index))
         if (name in design.method) != acts:
             yield f"method: {1 - acts:d} stated for {name[:80]}, not {acts:d}"

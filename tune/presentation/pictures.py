@@ -42,22 +42,18 @@ _MARKERS = "os^Dv<>pPX*h"
 _COLUMN, _TITLE = 6, 90
 
 
-def profile_picture(profile: Design, *, boundaries: Boundaries | None = None) -> Figure:
+def profile_picture(profile: Design) -> Figure:
     """A bar an effect, the part of the limit that binds it, beside the stable region in (B, K).
 
     The boundaries are exact: the largest stiffness for each damping, for the best estimate of the
     device, for the worst corner of its box, and for that corner with the whole margin kept. Of
-    elements that are alike the first is drawn.
-
-    Args:
-        profile: certified or not.
-        boundaries: of this profile; None computes them.
+    elements that are alike the first is drawn. The profile is certified or not.
     """
     from identification import NotebookFigure
 
     profile = profile.one_of_each()
     figure = NotebookFigure(figsize=(_WIDTH, _overview_height(profile)))
-    _draw_overview(figure, profile, boundaries or Boundaries.of(profile))
+    _draw_overview(figure, profile, Boundaries.of(profile))
     return figure
 
 
@@ -152,8 +148,7 @@ def words_of_shown(profile: Design) -> str:
 
 
 def _playing(profile: Design) -> list[str]:
-    elements = profile.elements.items()
-    return [name for name, each in elements if each.stiffness or each.damping or each.mass]
+    return [name for name, element in profile.elements.items() if element.acting]
 
 
 def _overview_height(profile: Design) -> float:

@@ -7,7 +7,7 @@ of a log are shown, never filled in. No answer leaves a fact unstated.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -350,7 +350,8 @@ def ask_columns(
             told = f'"{answer}"' if error.choices else f"{answer:g}"
             if error.place is not None and error.option != "time":
                 answer = _of_axis(columns, error, answer)
-                told = f'"{answer}"' if error.choices else _between_commas(answer)
+                gains = ("" if each is None else f"{each:g}" for each in answer)
+                told = f'"{answer}"' if error.choices else ",".join(gains)
             columns = replace(columns, **{error.option: answer})
             asked.append(f"--{error.option.replace('_', '-')} {told}")
         else:
@@ -369,10 +370,6 @@ def _of_axis(columns: ident.LogColumns, error: QuestionError, answer: Any) -> An
         parts = [*before] if isinstance(before, tuple) else [before] * count
     parts[error.place or 0] = answer
     return ",".join(parts) if error.choices else tuple(parts)
-
-
-def _between_commas(gains: Sequence[float | None]) -> str:
-    return ",".join("" if each is None else f"{each:g}" for each in gains)
 
 
 def _numbered_choices(error: QuestionError) -> dict[str, str]:

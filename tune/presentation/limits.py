@@ -77,17 +77,13 @@ class Boundaries:
         return largest(self.nominal, "stiffness", Effects(damping=B, mass=_present(M)))
 
     def at_worst(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
-        """Largest stiffness that is stable at every corner of the box and delay of the device.
-
-        N/m, of the broadcast shape of damping and mass.
-        """
+        """That at every corner of the box and delay of the device."""
         return self._least(damping, mass, (1.0,), late=False)
 
     def with_margin(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
-        """Largest stiffness stable at every corner with the extra delay, at gains up to the margin.
+        """That at every corner with the extra delay, at a few gains up to the margin.
 
-        N/m, of the broadcast shape of damping and mass. Judged at a few gains from zero up; the
-        certificate judges them all.
+        The certificate judges them all.
         """
         return self._least(damping, mass, self._gains(), late=True)
 

@@ -131,21 +131,15 @@ def _impedances(
 
 
 def felt_over_frequency(
-    device: Device,
-    filters: Filters,
-    frequency: FloatArray,
-    *,
-    stiffness: float,
-    damping: float,
-    mass: float,
+    device: Device, filters: Filters, frequency: FloatArray, K: float, B: float, M: float
 ) -> tuple[FloatArray, FloatArray]:
     """Apparent mass, kg, and damping, N·s/m, that an element adds, at frequencies in Hz.
 
     Of the shape of the frequencies; rotary units alike. Its spring is no part of the mass.
     """
     told = _impedances(filters, frequency, *_timing(device))
-    moving = damping * told.damping + mass * told.mass
-    return moving.imag / (2 * np.pi * frequency), (moving + stiffness * told.stiffness).real
+    moving = B * told.damping + M * told.mass
+    return moving.imag / (2 * np.pi * frequency), (moving + K * told.stiffness).real
 
 
 def rendered_mass_and_damping(
@@ -153,9 +147,7 @@ def rendered_mass_and_damping(
 ) -> Rendered:
     """The apparent mass and damping that an element adds to the device."""
     shares = Shares.of(device, filters)
-    felt = felt_over_frequency(
-        device, filters, _TOLD, stiffness=stiffness, damping=damping, mass=mass
-    )
+    felt = felt_over_frequency(device, filters, _TOLD, stiffness, damping, mass)
     means = {
         "mass": mass * shares.mass.mean + damping * shares.mass_of_damping.mean,
         "damping": damping * shares.damping.mean

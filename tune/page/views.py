@@ -148,14 +148,12 @@ def moved_view(
     later = found.design.device
     if ends is None or not ends[0] <= damping <= ends[1]:
         seen = min(damping, 0.0), max(damping, 0.0)
-        ends = _boundaries(later, filters, margin).ends(seen, mass)
+        ends = Boundaries.on(later, filters, MARGINS[margin]).ends(seen, mass)
     limit = later.force_limit
     force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
     samples = np.arange(0.0, _SPAN, later.sample_time.value)
     gains, frequency = (stiffness, damping, mass), np.geomspace(SLOWEST, BEYOND, _FELT)
-    felt = felt_over_frequency(
-        later, filters, frequency, stiffness=stiffness, damping=damping, mass=mass
-    )
+    felt = felt_over_frequency(later, filters, frequency, *gains)
     return {
         "table": plain_table(audit_table(found)),
         "faults": [f"{each.limit}: {each.seen}; needed: {each.needed}" for each in found.faults],
@@ -172,11 +170,6 @@ def moved_view(
 
 
 @remembered
-def _boundaries(device: Device, filters: Filters, margin: MarginName) -> Boundaries:
-    return Boundaries.on(device, filters, MARGINS[margin])
-
-
-@remembered
 def _region(
     device: Device,
     filters: Filters,
@@ -186,7 +179,7 @@ def _region(
     places: int,
 ) -> list[list[float | None]]:
     """Neither stiffness nor damping of the element moves it."""
-    return _plain(*_boundaries(device, filters, margin).plane(ends, mass, places))
+    return _plain(*Boundaries.on(device, filters, MARGINS[margin]).plane(ends, mass, places))
 
 
 def _plain(*columns: FloatArray) -> list[list[float | None]]:

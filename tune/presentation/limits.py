@@ -20,7 +20,7 @@ from tune.documents.perception import Scale
 from tune.documents.profile import Design, ElementProfile, LimitedBy
 from tune.documents.scene import UNITS, Effects, Hand, Margin
 from tune.loop.loop import Filters, Loop, filters_of
-from tune.optimisation.region import DelayedLoops, Region
+from tune.optimisation.region import DelayedLoops, Region, remembered
 from tune.presentation.tables import plain_number
 from tune.stability.verdict import largest, safe_gain, stable_values
 
@@ -58,13 +58,14 @@ class Boundaries:
         """On the device, hand and filters of a design."""
         return cls.on(design.device, filters_of(design.loop), design.margin, design.hand)
 
-    @classmethod
+    @staticmethod
+    @remembered
     def on(
-        cls, device: Device, filters: Filters, margin: Margin, hand: Hand | None = None
+        device: Device, filters: Filters, margin: Margin, hand: Hand | None = None
     ) -> Boundaries:
         """On a device, alone or in a hand."""
         extra = margin.extra_delay_samples
-        return cls(
+        return Boundaries(
             nominal=Loop.from_parts(device, filters),
             corners=Region.of(device, hand, extra=extra).loops(filters, extra),
             gain=margin.gain,
@@ -145,17 +146,13 @@ def _present(values: FloatArray) -> FloatArray | None:
 
 
 def draw_region(
-    axes: Axes,
-    boundaries: Boundaries,
-    mass: float,
-    damping: tuple[float, float],
-    stiffness: float,
-    units: dict[str, str],
+    axes: Axes, design: Design, mass: float, damping: tuple[float, float], stiffness: float
 ) -> None:
     """Three boundaries at one mass, kg, on axes that grow as the square root.
 
     Damping from the least to the largest, N·s/m, and stiffness, N/m, have to be seen.
     """
+    boundaries, units = Boundaries.of(design), UNITS[design.device.motion]
     least, most = boundaries.ends(damping, mass)
     grid, best, worst, safe = boundaries.plane((least, most), mass, _PLACES)
     axes.set_xscale("function", functions=(_root, _square))
@@ -173,11 +170,12 @@ def draw_region(
     axes.ticklabel_format(style="plain", useOffset=False)
 
 
-def draw_slice(axes: Axes, boundaries: Boundaries, design: Design, name: str) -> None:
+def draw_slice(axes: Axes, design: Design, name: str) -> None:
     """The plane of one element, its place, and how far from it the boundary of the margin is."""
     element, units = design.elements[name], UNITS[design.device.motion]
     K, B, M = element.stiffness, element.damping, element.mass
-    draw_region(axes, boundaries, M, (min(B, 0.0), max(B, 0.0)), K, units)
+    draw_region(axes, design, M, (min(B, 0.0), max(B, 0.0)), K)
+    boundaries = Boundaries.of(design)
     words: list[str] = []
     (_, right), (_, top) = axes.get_xlim(), axes.get_ylim()
     to_stiffness = float(boundaries.with_margin(np.array(B), M))

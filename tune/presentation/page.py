@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tune.documents.scene import UNITS
 from tune.exporters import NOT_A_SAFETY_FUNCTION
-from tune.presentation.limits import Boundaries, effect_uses
+from tune.presentation.limits import effect_uses
 from tune.presentation.tables import (
     alternatives_table,
     certificate_lines,
@@ -173,13 +173,13 @@ def _picture(words: str, *figures: Figure) -> dict[str, object]:
 def _pictures(safe: SafeProfile) -> Iterator[dict[str, object]]:
     from tune.presentation import pictures
 
-    safe, boundaries = safe.one_of_each(), Boundaries.of(safe)
-    region = pictures.region_picture(safe, boundaries=boundaries)
+    safe = safe.one_of_each()
+    region = pictures.region_picture(safe)
     words = "The region without mass with every element. Below, of each element: its region and "
     words += "what is left to the margin; the part of each limit that it uses. "
     yield _picture(words + pictures.words_of_shown(safe), region)
     for name in pictures.shown_elements(safe):
-        drawn = pictures.element_pictures(safe, name, boundaries)
+        drawn = pictures.element_pictures(safe, name)
         yield _picture(pictures.sizes_in_words(safe, name), *drawn)
 
 

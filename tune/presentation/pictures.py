@@ -14,7 +14,6 @@ from identification import Device, draw_directions, legend_above
 from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import UNITS
 from tune.presentation.limits import (
-    Boundaries,
     draw_effect_uses,
     draw_limits,
     draw_region,
@@ -53,18 +52,15 @@ def profile_picture(profile: Design) -> Figure:
 
     profile = profile.one_of_each()
     figure = NotebookFigure(figsize=(_WIDTH, _overview_height(profile)))
-    _draw_overview(figure, profile, Boundaries.of(profile))
+    _draw_overview(figure, profile)
     return figure
 
 
-def region_picture(
-    profile: Design, *, boundaries: Boundaries | None = None, ax: Axes | None = None
-) -> Figure:
+def region_picture(profile: Design, *, ax: Axes | None = None) -> Figure:
     """Stable region in (B, K) without mass, with every element of a profile in it.
 
     Args:
         profile: certified or not.
-        boundaries: of this profile; None computes them.
         ax: where to draw it; None makes a figure. Names are set where the axes are now.
     """
     from identification import NotebookFigure
@@ -73,8 +69,7 @@ def region_picture(
     assert figure is not None
     if ax is None:
         ax = figure.add_axes((0.1, 0.12, 0.88, 0.73))
-    profile = profile.one_of_each()
-    _draw_places(ax, profile, boundaries or Boundaries.of(profile))
+    _draw_places(ax, profile.one_of_each())
     return figure
 
 
@@ -98,17 +93,16 @@ def profile_sheet(profile: Design, verdict: str | None = None) -> Figure:
     figure = NotebookFigure(figsize=(_WIDTH, sum(heights)))
     grid: Any = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
     parts: list[SubFigure] = list(grid[:, 0])
-    boundaries = Boundaries.of(profile)
     if felt:
         last = parts.pop()
         draw_directions(last, felt)
         last.subplots_adjust(bottom=0.2, top=0.8)
     for part, name in zip(parts[1:], names, strict=True):
         left, right = part.subplots(1, 2, gridspec_kw=_GRID)
-        draw_slice(left, boundaries, profile, name)
+        draw_slice(left, profile, name)
         draw_limits(right, profile, name)
         part.suptitle(short_name(sizes_in_words(profile, name), _TITLE), fontsize=11, y=0.985)
-    _draw_overview(parts[0], profile, boundaries, verdict=verdict, note=words_of_shown(profile))
+    _draw_overview(parts[0], profile, verdict=verdict, note=words_of_shown(profile))
     return figure
 
 
@@ -157,12 +151,7 @@ def _overview_height(profile: Design) -> float:
 
 
 def _draw_overview(
-    figure: Figure | SubFigure,
-    profile: Design,
-    boundaries: Boundaries,
-    *,
-    verdict: str | None = None,
-    note: str = "",
+    figure: Figure | SubFigure, profile: Design, *, verdict: str | None = None, note: str = ""
 ) -> None:
     """Region and perceived steps on a figure or a part of one, with a note below the title."""
     height = _overview_height(profile)
@@ -175,7 +164,7 @@ def _draw_overview(
     if note:
         figure.text(0.5, 1 - 0.42 / height, note, fontsize=9, ha="center", va="bottom")
     draw_effect_uses(left, profile)
-    _draw_places(right, profile, boundaries)
+    _draw_places(right, profile)
 
 
 def _verdict(profile: Design) -> str:
@@ -185,13 +174,13 @@ def _verdict(profile: Design) -> str:
     return f"safe for {margin}" if isinstance(profile, SafeProfile) else f"margin: {margin}"
 
 
-def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
+def _draw_places(axes: Axes, profile: Design) -> None:
     """The region for M = 0 and every element; open marks lie in planes of their own mass."""
     units, elements = UNITS[profile.device.motion], profile.elements
     dampings = [element.damping for element in elements.values()]
     ends = (min(0.0, *dampings), max(0.0, *dampings))
     highest = max(element.stiffness for element in elements.values())
-    draw_region(axes, boundaries, 0.0, ends, highest, units)
+    draw_region(axes, profile, 0.0, ends, highest)
     legend_above(axes)
     words = "region for M = 0; open marks lie in planes of their own mass"
     set_small_title(axes, words, pad=16)  # above the legend
@@ -219,12 +208,12 @@ def _draw_places(axes: Axes, profile: Design, boundaries: Boundaries) -> None:
         axes.add_artist(told)  # what the boundaries are stays told above
 
 
-def element_pictures(design: Design, name: str, boundaries: Boundaries) -> tuple[Figure, Figure]:
+def element_pictures(design: Design, name: str) -> tuple[Figure, Figure]:
     """The plane of one element, and a bar a limit of it."""
     from identification import NotebookFigure
 
     plane, limits = NotebookFigure(figsize=_SMALL), NotebookFigure(figsize=_SMALL)
-    draw_slice(plane.add_axes((0.17, 0.17, 0.8, 0.67)), boundaries, design, name)
+    draw_slice(plane.add_axes((0.17, 0.17, 0.8, 0.67)), design, name)
     draw_limits(limits.add_axes((0.27, 0.1, 0.71, 0.74)), design, name)
     return plane, limits
 

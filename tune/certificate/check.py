@@ -467,10 +467,7 @@ def _exceeds(design: Design, name: str, effect: EffectName, spare: float) -> boo
 
 
 def _breaks(design: Design, combination: tuple[str, ...], word: str, spare: float) -> bool:
-    """Whether a combination breaks a limit on force or ripple, a margin or the proof of it.
-
-    A margin is broken where a part of the gain that is to spare is not kept.
-    """
+    """Whether a combination breaks a limit, a proof, or a margin with this part of it to spare."""
     setting = setting_of(design, combination)
     if word == "force":
         return bool(force_failures(design, combination))

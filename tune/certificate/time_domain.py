@@ -185,10 +185,7 @@ def _restitution(
 
 
 def _corners(region: Region) -> Iterator[list[list[float]]]:
-    """Corners, rows as in `Region.sides`, by sample time and delay.
-
-    Modes are at their least, middle and largest, all of them together.
-    """
+    """Corners by sample time and delay, rows as in `Region.sides`; modes at ends and middle."""
     mass, damping, step, delay, lag, slope, *modes = region.sides()
     parts = (0.0, 0.5, 1.0) if any(low != high for low, high in modes) else (0.0,)
     for T, late in product(sorted({*step}), sorted({*delay})):

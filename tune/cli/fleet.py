@@ -229,10 +229,7 @@ def _jobs(manifest: Path, common: dict[str, Any]) -> Iterator[_Job]:
 
 
 def _calibrated(job: _Job) -> tuple[dict[str, Any], str | None]:
-    """The row of one device and its profile's text, as ``calibrate`` and ``tune`` make it.
-
-    Runs in a worker, which writes nothing.
-    """
+    """The row of one device and its profile's text; runs in a worker, which writes nothing."""
     from tune.cli.profiles import read_request, tune_device
     from tune.optimisation.study import attempted, device_columns, profile_columns
 

@@ -486,12 +486,9 @@ class _FadedLoop:
         """Transitions at some levels, shape (levels, states, states)."""
         return self.still + level[:, None, None] * self.more
 
-    @np.errstate(over="ignore", invalid="ignore")
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows grows
     def grows(self, fade: float, stops: Sequence[int]) -> bool:
-        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps.
-
-        A loop that is unstable at some level overflows, which is growth.
-        """
+        """Whether some wave between two stops, as fast as a fade of so many seconds, pumps."""
         count = max(1, int(fade / self.sample_time / _STEPS))
         middles = (np.arange(_STEPS) + 0.5) / _STEPS
         each = self.at(middles)

@@ -159,10 +159,7 @@ def _mode(
 def _loops_over(
     device: Device, rigid: _Rigid, delay: float, filters: Filters, hand: HandNumbers | None = None
 ) -> Loop:
-    """Loops of a device whose rigid numbers vary; its modes and current lag at their best.
-
-    LoopError for a delay, in samples, that is too long.
-    """
+    """Loops of a device whose rigid numbers vary; its modes and current lag at their best."""
     mass, damping, position_stiffness = rigid
     return Loop.from_numbers(
         mass=mass,

@@ -118,11 +118,8 @@ def find_release(position: FloatArray, first: int) -> Release | None:
 
 
 def _noise_and_grain(position: FloatArray) -> tuple[float, float]:
-    """Standard deviation of a reading; where that is 0 one count, if the log is of an encoder.
-
-    The first from second differences, of which motion has few, the other as the least distance of
-    two different readings.
-    """
+    """Standard deviation of a reading; where that is 0 one count, if the log is of an encoder."""
+    # Motion has few second differences.
     noise = float(_MAD * np.median(np.abs(np.diff(position, n=2))) / np.sqrt(6))
     values = np.unique(position)
     return noise, float(np.min(np.diff(values))) if noise == 0 and values.size > 1 else 0.0
@@ -308,10 +305,7 @@ def _fitted(
     bounds: tuple[FloatArray, FloatArray],
     told: Callable[[FloatArray], tuple[float, float]],
 ) -> FreeMotion:
-    """The mode of the best of several fits to rows of a log, and what is told of it.
-
-    Frequency and decay, with 95 % half-widths by leaving out one block after the other (jackknife).
-    """
+    """The best of several fits to rows of a log, with half-widths by the jackknife over blocks."""
     measured = position[rows]
     fits = (_solve(columns, measured, np.array(at), bounds) for at in starts)
     theta = min(fits, key=lambda fit: fit[1])[0]

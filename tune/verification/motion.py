@@ -581,10 +581,7 @@ def _window(sample_time: float) -> int:
 def _displacement(
     device: Device, effects: Effects, prediction: Prediction, deep: float, most: float
 ) -> float | None:
-    """The least displacement with turning points enough, or with none to expect, m.
-
-    At most so far that no force is cut, by an element or at the limit of the device.
-    """
+    """The least displacement with turning points enough, or none to expect, and no force cut, m."""
     virtual = float(effects.present().get("stiffness", 0.0))
     if device.force_limit is not None and virtual:
         most = min(most, device.force_limit.continuous / virtual)

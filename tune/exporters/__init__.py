@@ -424,15 +424,11 @@ def _ros2_files(profile: SafeProfile, node: str) -> dict[str, str]:
     )
     body = "\n".join(_lines({node: {"ros__parameters": parameters}}, ""))
     comment = hash_comment(heading(profile))
-    templates = files("tune") / "templates"
+    filled = {"digest": profile.digest, "node": node.rpartition("/")[2]}
     files_of = {"haptune_params.yaml": hash_comment(head) + body + "\n"}
     more = () if device.axes is None else ("axes", "node_of_axes")
     for name in ("law", "node", *more):
-        text = (templates / f"{name}.py").read_text(encoding="utf-8")
-        text = text.replace("${digest}", profile.digest)
-        files_of[f"haptune_{name}.py"] = (
-            f"{comment}\n{text.replace('${node}', node.rpartition('/')[2])}"
-        )
+        files_of[f"haptune_{name}.py"] = f"{comment}\n{_filled(f'{name}.py', filled)}"
     plain = "\n".join(heading(profile)).replace("--", "- -").replace("--", "- -")
     plain = plain.replace("&", "&amp;").replace("<", "&lt;")
     return files_of | {

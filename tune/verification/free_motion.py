@@ -222,7 +222,7 @@ def find_letting_go(
     for row in np.linspace(end - _SHORTEST, first, _STARTS).round().astype(int).tolist():
         measured, columns = position[row:end], _unsprung_columns(sample_time, end - row)
         theta, _ = _solve(columns, measured, np.array([np.log(decay)]), _ANY)
-        left = measured - _projected(columns(theta), measured)[0]
+        left = measured - projected(columns(theta), measured)[0]
         worst = max(float(np.std(block)) for block in np.array_split(left, _BLOCKS))
         usual = float(np.median(later)) if later else max(noise, grain)
         small = (_SMALL if later else _SMALL_AT_FIRST) * float(np.std(measured))
@@ -291,7 +291,7 @@ def _solve(
     scale = float(np.std(measured)) or 1.0  # at rest
 
     def residual(theta: FloatArray) -> FloatArray:
-        return (measured[kept] - _projected(columns(theta)[kept], measured[kept])[0]) / scale
+        return (measured[kept] - projected(columns(theta)[kept], measured[kept])[0]) / scale
 
     solved = least_squares(residual, start, bounds=bounds, x_scale="jac", xtol=1e-10, max_nfev=60)
     return np.asarray(solved.x, dtype=np.float64), float(solved.cost)
@@ -313,7 +313,7 @@ def _fitted(
     values = np.array([told(each) for each in kept])
     spread = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
     halves = _STUDENT * np.sqrt((_BLOCKS - 1) / _BLOCKS * spread)
-    fitted, sizes = _projected(columns(theta), measured)
+    fitted, sizes = projected(columns(theta), measured)
     frequency, decay = told(theta)
     return FreeMotion(
         frequency=frequency,
@@ -327,7 +327,8 @@ def _fitted(
     )
 
 
-def _projected(columns: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+def projected(columns: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(what of columns is nearest to what was measured, how much of each)."""
     norms = np.linalg.norm(columns, axis=0)
     norms[norms == 0] = 1.0
     solution = np.asarray(np.linalg.lstsq(columns / norms, measured, rcond=None)[0], np.float64)

@@ -23,6 +23,7 @@ from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import EFFECT_NAMES, Effects
 from tune.loop.loop import Filters, filters_of
 from tune.loop.polynomials import FloatArray
+from tune.verification.free_motion import projected
 
 Rows = NDArray[np.bool_]
 Verdict = Literal["agrees", "disagrees", "cannot tell", "not assessed"]
@@ -209,13 +210,9 @@ def fit_scaled(columns: Columns, effects: Effects) -> LawFit:
 
 def fit_free(columns: Columns) -> tuple[Effects, float]:
     """(stiffness, damping and mass that explain the force best, bound to nothing; rms left, N)."""
-    parts = np.column_stack(columns.parts)
-    sizes = np.linalg.norm(parts, axis=0)
-    sizes[sizes == 0] = 1.0
-    solution = np.asarray(np.linalg.lstsq(parts / sizes, -columns.force, rcond=None)[0], np.float64)
-    left = columns.force + parts / sizes @ solution
-    K, B, M = (float(each) for each in solution / sizes)
-    return Effects(stiffness=K, damping=B, mass=M), rms(left)
+    commanded, sizes = projected(np.column_stack(columns.parts), -columns.force)
+    K, B, M = (float(each) for each in sizes)
+    return Effects(stiffness=K, damping=B, mass=M), rms(columns.force + commanded)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

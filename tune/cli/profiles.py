@@ -192,24 +192,20 @@ def tune_device(
 
     What cannot be proved, or does not settle in simulation, is refused as no feasible effect.
     """
-    try:
-        return _tuned(session, device, wish, compare=compare)
-    except CheckFailedError as error:
-        reasons = (f"{each.removesuffix('.')}. Ask for less of it" for each in error.failures)
-        raise NoFeasibleEffectError(tuple(reasons)) from error
-
-
-def _tuned(session: Session, device: Device, wish: TuningRequest, *, compare: bool) -> SafeProfile:
     from tune.certificate.certify import trusted_facts
     from tune.optimisation.describe import unmet_wishes
     from tune.presentation.tables import certificate_lines, effects_table, verdict_on, weak_walls
 
-    if compare:
-        profile = _choose_candidate(session, device, wish)
-        with session.progress() as say:
-            refuse_restless(profile, say)
-    else:
-        profile = _optimise_to_rest(session, device, wish)
+    try:
+        if compare:
+            profile = _choose_candidate(session, device, wish)
+            with session.progress() as say:
+                refuse_restless(profile, say)
+        else:
+            profile = _optimise_to_rest(session, device, wish)
+    except CheckFailedError as error:
+        reasons = (f"{each.removesuffix('.')}. Ask for less of it" for each in error.failures)
+        raise NoFeasibleEffectError(tuple(reasons)) from error
     trusted = trusted_facts(profile.device)
     session.details |= {
         "profile": ident.to_mapping(profile),

@@ -50,7 +50,7 @@ class Boundaries:
 
     nominal: Loop  # at the best estimate
     corners: tuple[DelayedLoops, ...]  # of the box, at every delay up to the margin's
-    gain: float  # of the margin
+    gains: tuple[float, ...]  # up to that of the margin, at which a point is judged
     damping: float  # of the device itself at its best estimate, N·s/m: a scale
 
     @classmethod
@@ -68,7 +68,7 @@ class Boundaries:
         return Boundaries(
             nominal=Loop.from_parts(device, filters),
             corners=Region.of(device, hand, extra=extra).loops(filters, extra),
-            gain=margin.gain,
+            gains=tuple(part * margin.gain for part in _PARTS),
             damping=max(abs(device.damping.value), _LEAST_SCALE),
         )
 
@@ -86,7 +86,7 @@ class Boundaries:
 
         The certificate judges them all.
         """
-        return self._least(damping, mass, self._gains(), late=True)
+        return self._least(damping, mass, self.gains, late=True)
 
     def damping_with_margin(self, stiffness: float, damping: float, mass: float) -> float:
         """Damping up to which a stiffness and a mass keep the whole margin, from one that does.
@@ -94,7 +94,7 @@ class Boundaries:
         The damping to begin with where not even that keeps the margin.
         """
         found: list[float] = []
-        for gain in self._gains():
+        for gain in self.gains:
             K, M = np.array([gain * stiffness]), np.array([gain * mass])
             others = Effects(stiffness=_present(K), mass=_present(M))
             for each in self.corners:
@@ -121,9 +121,6 @@ class Boundaries:
         damping = _square(np.linspace(float(low), float(high), places))
         best, worst = self.at_best(damping, mass), self.at_worst(damping, mass)
         return damping, best, worst, self.with_margin(damping, mass)
-
-    def _gains(self) -> tuple[float, ...]:
-        return tuple(part * self.gain for part in _PARTS)
 
     def _least(
         self, damping: FloatArray, mass: FloatArray | float, gains: tuple[float, ...], *, late: bool

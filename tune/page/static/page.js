@@ -120,7 +120,7 @@ async function showLog() {
     ]),
   );
   $("fit").hidden = !seen.outputs.includes("fit.png");
-  for (const part of $("fit").querySelectorAll("img")) if (!$("fit").hidden) part.src = `file/fit.png?${Date.now()}`;
+  if (!$("fit").hidden) $("fit").querySelector("img").src = `file/fit.png?${Date.now()}`;
 }
 
 // Device and scene ----------------------------------------------------------------------------

@@ -273,11 +273,7 @@ def regions_of(design: Design) -> tuple[Region, ...]:
         alone += (replace(bare, position_stiffness=(low + held.low, high + held.high)),)
     if design.hand is None:
         return alone
-    hand = HandBox(
-        mass=(design.hand.mass.low, design.hand.mass.high),
-        damping=(design.hand.damping.low, design.hand.damping.high),
-        stiffness=(design.hand.stiffness.low, design.hand.stiffness.high),
-    )
+    hand = HandBox(**{name: (each.low, each.high) for name, each in design.hand})
     return (*alone, *(replace(each, hand=hand) for each in alone))
 
 

@@ -419,10 +419,8 @@ class ElementProfile(Document):
 
     def sizes(self) -> str:
         """The effects that act, in SI units, as one phrase."""
-        acting = (
-            f"{name} {getattr(self, name):.6g}" for name in EFFECT_NAMES if getattr(self, name)
-        )
-        return ", ".join(acting) or "nothing"
+        names = (name for name in EFFECT_NAMES if name in self.acting)
+        return ", ".join(f"{name} {getattr(self, name):.6g}" for name in names) or "nothing"
 
 
 class PerceptionProfile(Document):

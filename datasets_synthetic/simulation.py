@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from operator import mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -462,17 +463,19 @@ class _Stride:
         change, _ = self.changes((False,) * axes, halving, members)
         before = state[:, axes:]
         held = -friction * np.sign(before)
+        later = _after(change, state, acting + held)
+        # As long as all friction acts against motion that goes on, there is nothing to look for.
+        calm = ((before * later[:, axes:] > 0) | (friction == 0)).all(axis=1)
+        if calm.any():
+            rest = np.flatnonzero(~calm)
+            if rest.size:
+                later[rest], calm[rest] = self._stepped(
+                    state[rest], acting[rest], friction[rest], members[rest], halving
+                )
+            return later, calm
         slope = change[:, axes:, 2 * axes :]  # speed by force
-        own = np.diagonal(slope, axis1=1, axis2=2)
         free = _after(change, state, acting)[:, axes:]
-        for _ in range(_SWEEPS):
-            last = held.copy()
-            for axis in range(axes):
-                reached = free[:, axis] + np.sum(slope[:, axis] * held, axis=1)
-                wanted = held[:, axis] - reached / own[:, axis]
-                held[:, axis] = np.clip(wanted, -friction[:, axis], friction[:, axis])
-            if np.array_equal(last, held):
-                break
+        held = _resting(free, slope, friction, held)
         later = _after(change, state, acting + held)
         rests = np.abs(held) < friction
         stands = rests & (before == 0)
@@ -494,6 +497,24 @@ class _Stride:
         after[rests] = 0.0
         turned = np.where(before != 0, after * before <= 0, after != 0) & (friction > 0)
         return later, ~(turned | freed).any(axis=1)
+
+
+def _resting(
+    free: FloatArray, slope: FloatArray, friction: FloatArray, held: FloatArray
+) -> FloatArray:
+    """Friction that brings axes to rest as far as it can, from a start; shape (members, axes)."""
+    found = held.tolist()
+    for place, own, speeds, limits in zip(
+        found, slope.tolist(), free.tolist(), friction.tolist(), strict=True
+    ):
+        for _ in range(_SWEEPS):
+            last = place.copy()
+            for axis, (row, speed, most) in enumerate(zip(own, speeds, limits, strict=True)):
+                wanted = place[axis] - (speed + sum(map(mul, row, place))) / row[axis]
+                place[axis] = min(max(wanted, -most), most)
+            if place == last:
+                break
+    return np.array(found)
 
 
 def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

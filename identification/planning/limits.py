@@ -378,12 +378,14 @@ def extremes(force: FloatArray, devices: list[Guess], step: float) -> tuple[Floa
     reach, fastest = np.zeros(mass.size), np.zeros(mass.size)
     for each in force.tolist():
         drive = (each - offset) / mass
-        sense = np.sign(np.where(speed == 0, drive, speed))
-        # At rest friction takes as much as it can, never more than there is.
-        net = np.where((speed == 0) & (np.abs(drive) <= grip), 0.0, drive - grip * sense)
+        sense = np.sign(speed)
+        if not sense.all():  # at rest friction takes as much as it can, never more than there is
+            sense = np.where(sense == 0, np.sign(drive) * (np.abs(drive) > grip), sense)
+            drive *= sense != 0
+        net = drive - grip * sense
         later = decay * speed + coast * net
         after = place + coast * speed + fall * net
-        turned = np.flatnonzero(later * sense < 0)
+        turned = np.flatnonzero(later * sense * grip < 0)
         if turned.size:
             columns = (place, speed, net, drive, grip, rate)
             after[turned], later[turned] = _turn(*(each[turned] for each in columns), step=step)

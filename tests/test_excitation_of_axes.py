@@ -60,12 +60,9 @@ def played(
     rig = RigOfAxes(
         mass=mass,
         damping=damping,
-        sample_time=STEP,
-        delay=0.0,
+        sample_time=plan.spec.sample_time,
         coulomb_friction=np.stack((friction, friction), axis=1),
-        force_offset=np.zeros((len(mass), 2)),
         encoder_resolution=COUNT,
-        position_noise=0.0,
     )
     return rig.run(np.repeat(plan.force[None], len(mass), axis=0), seed=1)
 
@@ -93,11 +90,11 @@ def test_devices_that_are_light_in_any_direction_stay_within_the_travel() -> Non
         "coulomb_friction": (0.5, 0.7, 1.0),
     }
     guesses = {k: {"low": low, "value": at, "high": high} for k, (low, at, high) in ranges.items()}
-    plan = plan_axes(spec(duration=4.0, **guesses))
-    turns = np.pi * np.arange(24) / 24
+    plan = plan_axes(spec(duration=4.0, sample_time=4e-3, **guesses))
+    turns = np.pi * np.arange(12) / 12
     units = np.stack((np.cos(turns), np.sin(turns)), axis=1)
     mass = 4.2 * np.eye(2) - 2.4 * units[:, :, None] * units[:, None, :]
-    seen = played(plan, mass, np.broadcast_to(6 * np.eye(2), mass.shape), np.full(24, 0.5))
+    seen = played(plan, mass, np.broadcast_to(6 * np.eye(2), mass.shape), np.full(12, 0.5))
     assert 0.03 < np.max(np.abs(seen.truth)) <= 0.04
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import io
 import json
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import typer.main
+
 import tune
 from tune.cli.app import run_app
 
@@ -24,6 +27,8 @@ FLUID = "elements: {water: {damping: 10.0}}\n"
 SCHEMAS = Path(tune.__file__).parent / "schemas"
 #: What --json prints, whatever happens; a message and details are added where there are any.
 RESULT_KEYS = {"schema", "command", "status", "exit_code", "findings", "outputs"}
+#: A process builds its commands once; here they stay from one call to the next.
+_COMMAND = functools.cache(typer.main.get_command)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +57,7 @@ def haptune(*arguments: str, **environment: str) -> Ended:
     out, err = io.StringIO(), io.StringIO()
     with (
         mock.patch.dict(os.environ, inherited | environment, clear=True),
+        mock.patch("typer.main.get_command", _COMMAND),
         mock.patch.object(sys, "argv", ["haptune", *arguments]),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),

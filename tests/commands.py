@@ -1,7 +1,5 @@
 """Commands run in this process as a shell would run them."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

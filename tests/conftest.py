@@ -1,7 +1,5 @@
 """One thread of linear algebra a worker, and no deadline for examples."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

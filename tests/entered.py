@@ -1,7 +1,5 @@
 """A rigid device with held force and quantised encoder, run by a compiled guard."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

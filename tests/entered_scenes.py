@@ -1,7 +1,5 @@
 """Scenes of the named devices, each about as large as it can be had, to be played by a guard."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

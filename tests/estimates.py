@@ -1,7 +1,5 @@
 """One estimator's answer, entered where identify enters it."""
 
-from __future__ import annotations
-
 from identification import Trajectory, quantity
 from identification.estimators.estimate import Estimate, Model
 from identification.fitting import PreparedLog

@@ -1,7 +1,5 @@
 """A tuned profile and its variants, for what is exported from them."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

@@ -8,8 +8,6 @@ run until one fails. Ends with 1 unless every fault is caught. What notices a fa
 public verb, a command or `certify`.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

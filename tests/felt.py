@@ -3,8 +3,6 @@
 docs/tuning.md, "Filters".
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import comb, factorial
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Every finding of a log, and those of them that refuse it."""
 
-from __future__ import annotations
-
 from identification import Finding, Hardware, Identification, LogRefusedError, Trajectory, identify
 from identification.findings import CODES
 

@@ -1,7 +1,5 @@
 """A fleet of logs with its manifest: one kind of device, each a little different, one unlike."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """General loops, one known and many random, judged and compared with 360-digit arithmetic."""
 
-from __future__ import annotations
-
 from collections import Counter
 from itertools import pairwise
 from typing import Any

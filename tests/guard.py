@@ -1,7 +1,5 @@
 """An exported C guard, compiled and driven by the compiler of the system; the law in Python."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import shutil

@@ -1,7 +1,5 @@
 """A whole program around the exported C guard, built with any compiler, standard and flags."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import shutil

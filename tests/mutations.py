@@ -1,7 +1,5 @@
 """Files and options as chance and malice leave them: each from a seed, each always the same."""
 
-from __future__ import annotations
-
 import shutil
 import time
 import warnings

@@ -1,7 +1,5 @@
 """An axis in continuous time, written for the bench of outside logs; it shares no code with any."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp

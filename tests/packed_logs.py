@@ -1,7 +1,5 @@
 """Small good logs in every packed kind, and what reading a bad one says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path

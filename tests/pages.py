@@ -1,7 +1,5 @@
 """A page served to the test itself, and asked as a browser or as a stranger would ask."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Generator, Iterator

@@ -1,7 +1,5 @@
 """A plain log as a table of text, written by formatting its numbers otherwise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

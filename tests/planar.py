@@ -1,7 +1,5 @@
 """Devices of two and three axes for tests: random ones, forces that tell their axes apart, logs."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Commands as processes of their own, with real streams and real signals."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -9,8 +9,6 @@ put into a copy of the tree, where the tests that pass its line run, quickest fi
 fails. Each fault that is not caught is shown, to be judged: a hole in the tests, or equivalent.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import random

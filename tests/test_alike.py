@@ -1,7 +1,5 @@
 """Elements that are alike play the same, however many there are; what is written of them holds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """The plan of each package from its imports: rooms, floors, circles, the one direction of data."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shutil

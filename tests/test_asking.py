@@ -1,7 +1,5 @@
 """On a terminal haptune asks for what only a person knows, and never fills in a hint."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Audit and compare: what is unfit, the nearest safe values; two devices or profiles compared."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What identify makes of ten families of logs: the right method, and intervals that cover."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

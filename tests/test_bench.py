@@ -1,7 +1,5 @@
 """Limits at the simulated bench, standard trials, named devices and the bundled log."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

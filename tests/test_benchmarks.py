@@ -1,7 +1,5 @@
 """What the benchmarks compare with is fair, and their long logs are what the simulator gives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Three margins side by side, and what each fact of the hardware costs."""
 
-from __future__ import annotations
-
 from itertools import product
 from math import exp
 from pathlib import Path

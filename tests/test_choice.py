@@ -1,7 +1,5 @@
 """Which estimate is believed where the friction is none that the model has."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

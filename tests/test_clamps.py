@@ -1,7 +1,5 @@
 """Walls as one clamp round spring and damper: how stiff, proved how far."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 from typing import Any

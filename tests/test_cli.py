@@ -1,7 +1,5 @@
 """What commands say and write: help, JSON, quiet, dry run and backup."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every exit code of the contract, each from a situation that can happen to a user."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn

@@ -1,7 +1,5 @@
 """Commands as processes of their own: what they load, and what of a terminal does not stop them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

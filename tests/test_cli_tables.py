@@ -1,7 +1,5 @@
 """Tables lose nothing at the width of a terminal and carry no blanks into a pipe."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Two devices of several axes: what changed, entry by entry and axis by axis."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cut-offs that are free, and what tuning finds for the device of the paper."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

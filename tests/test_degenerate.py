@@ -1,7 +1,5 @@
 """Inputs, logs and devices at the edge of sense: a right answer, or a sentence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

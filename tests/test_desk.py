@@ -1,7 +1,5 @@
 """What lies on a desk: a report that one page of suffices, its trust in a few plain sentences."""
 
-from __future__ import annotations
-
 import itertools
 import re
 import shutil

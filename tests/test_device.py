@@ -1,7 +1,5 @@
 """Quantities, hardware and devices: what they refuse and keep, and the box that holds them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Docstrings of what is exported: each reads alone and names the shapes of its arrays."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from importlib import import_module

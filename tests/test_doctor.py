@@ -1,7 +1,5 @@
 """``haptune doctor``: what it measures, how it ends, and that it says what identify says."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

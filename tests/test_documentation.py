@@ -1,7 +1,5 @@
 """Every shell and Python block of the README and the documentation runs as printed, in order."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """YAML in and out: hostile files, nasty names, whole files or nothing."""
 
-from __future__ import annotations
-
 import re
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Lag, vibration, play and load friction: named, estimated, and out of mass and damping."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 from itertools import accumulate

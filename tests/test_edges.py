@@ -1,7 +1,5 @@
 """A design half a per cent beyond a condition of the certificate is refused."""
 
-from __future__ import annotations
-
 import copy
 from collections import Counter
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """The real axis: published values recovered, with intervals that deserve the name."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Simulated device, log, calibrate: how safe is the true device with its profile?"""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

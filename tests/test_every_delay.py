@@ -1,7 +1,5 @@
 """Whatever delay a log has, and whatever is stated of it: an answer, or a sentence why not."""
 
-from __future__ import annotations
-
 import warnings
 from contextlib import suppress
 

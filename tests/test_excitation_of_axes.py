@@ -1,7 +1,5 @@
 """Forces planned for several axes together, played on devices that the plan does not know."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Exported files say what the profile says, whatever its elements are called; the command."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import json

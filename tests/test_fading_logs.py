@@ -1,7 +1,5 @@
 """Logs of an element that fades in, of which only what comes after the fade tells the law."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The gate of faults does not rot: each fault stands in the tree, and so do its tests."""
 
-from __future__ import annotations
-
 import shlex
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """What is tuned is felt as what is asked for at 400 frequencies from 0.5 to 20 Hz, and said so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The findings one by one, on an axis simulated elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Findings of the catalogue of faulty logs."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 import pytest

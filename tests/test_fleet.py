@@ -1,7 +1,5 @@
 """Many devices: rows that depend on no worker, folders that are resumed, devices unlike others."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

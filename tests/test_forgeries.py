@@ -1,7 +1,5 @@
 """Each key of a profile is forged in turn and signed anew; no digit changes unseen."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import json

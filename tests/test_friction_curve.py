@@ -1,7 +1,5 @@
 """Friction that the model lacks is found, named, and its slope is what the certificate holds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from math import pi, sin
 from typing import Any

@@ -1,7 +1,5 @@
 """The glossary has every word once, in alphabetical order, with its meaning."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

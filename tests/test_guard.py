@@ -1,7 +1,5 @@
 """The C guard, compiled: the certified law to its last digits, and no force without it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Elements entered, left and disturbed on a moving device, through the compiled guard."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

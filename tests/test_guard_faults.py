@@ -1,7 +1,5 @@
 """The C guard: wrong calls, missed periods, readings that cannot be, whatever its flags."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections import Counter

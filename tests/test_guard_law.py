@@ -1,7 +1,5 @@
 """What elements do when they are entered, met, left and moved, in the C guard and in Python."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

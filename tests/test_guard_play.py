@@ -1,7 +1,5 @@
 """A free device among elements that come and go, through the compiled guard: nothing pumps."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The door import haptune: its verbs, names of files by text or path, frames, quiet libraries."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import shutil

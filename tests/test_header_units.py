@@ -1,7 +1,5 @@
 """Units in the names of columns: of text, of packed tables, and as commands tell them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Letters that steer a terminal or turn the direction of writing come out nowhere."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import json

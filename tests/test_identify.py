@@ -1,7 +1,5 @@
 """identify: truth recovered with honest intervals, what is asked for, what is refused."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from contextlib import suppress

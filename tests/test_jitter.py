@@ -1,7 +1,5 @@
 """Steps of uneven length and fades: against sequences chosen to do harm."""
 
-from __future__ import annotations
-
 import functools
 import math
 from itertools import product

@@ -1,7 +1,5 @@
 """Every command's JSON: valid by its schema, with every number that the command's tables show."""
 
-from __future__ import annotations
-
 import functools
 import json
 import math

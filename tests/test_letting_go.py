@@ -1,7 +1,5 @@
 """Without a spring motion is free from where the hand lets go, however long it pushed."""
 
-from __future__ import annotations
-
 import json
 import re
 from math import exp, pi

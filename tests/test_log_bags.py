@@ -1,7 +1,5 @@
 """Bags of ROS 2 give what the plain CSV gives; written by the writer of mcap-ros2-support."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

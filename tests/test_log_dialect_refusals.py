@@ -1,7 +1,5 @@
 """Tables of text that could be read in two ways are refused, with what makes them so."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

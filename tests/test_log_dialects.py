@@ -1,7 +1,5 @@
 """Logs as loggers and spreadsheets write them give what the plain CSV gives, and say how."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What loggers and spreadsheets do to CSV logs is named for what it is, with the step to take."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Excel workbooks give what the plain CSV gives; written by openpyxl itself."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta

@@ -1,7 +1,5 @@
 """Log files: what is read, and a sentence for everything that is not."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path

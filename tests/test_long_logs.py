@@ -1,7 +1,5 @@
 """Logs of millions of samples: what they are told from, and what they cost."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

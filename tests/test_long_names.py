@@ -1,7 +1,5 @@
 """Elements with names of forty letters: no table cuts them, or what stands beside them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The sampled loop against 360-digit arithmetic."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Margins, passivity and ripple against the loop in z at 60 digits, and known answers."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from math import exp, pi

@@ -1,7 +1,5 @@
 """Every method on independent simulations: exact, scaled, beside the Cramér-Rao bound."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, lru_cache

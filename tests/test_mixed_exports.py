@@ -1,7 +1,5 @@
 """Files of two profiles in one folder or program: none works with another's, and it is said."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

@@ -1,7 +1,5 @@
 """Whatever is given, a command ends in a sentence: no traceback, no exit 1."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Every notebook runs in a real kernel, says what it should and shows its figures as pictures."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Motion one way: what it tells and what it cannot."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

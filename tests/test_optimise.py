@@ -1,7 +1,5 @@
 """Tuning against closed forms, brute force, relaxed limits and true devices."""
 
-from __future__ import annotations
-
 from itertools import permutations, product
 from typing import Any
 

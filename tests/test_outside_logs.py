@@ -1,7 +1,5 @@
 """Logs of an outside simulator: what identify makes of devices inside and outside its model."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.outside_logs import KINDS, judged, outside_log, table_of

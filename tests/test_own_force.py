@@ -1,7 +1,5 @@
 """A device that its own force pushes away: nothing on it is certified, whatever the effect."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

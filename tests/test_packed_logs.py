@@ -1,7 +1,5 @@
 """Parquet, NPZ and MAT logs, and clocks that are not in seconds."""
 
-from __future__ import annotations
-
 from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The local page: who is refused, what its numbers are, what it leaves behind."""
 
-from __future__ import annotations
-
 import re
 import socket
 import threading

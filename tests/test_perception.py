@@ -1,7 +1,5 @@
 """Perceived steps, with a floor of Weber's law, the Weber fractions shipped, and own tables."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from statistics import NormalDist

@@ -1,7 +1,5 @@
 """Pictures show what is true: boundaries, limits and labels, against other algebra."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The players: a planned force played on a simulated device is a log that tells its mass."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import os

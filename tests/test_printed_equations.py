@@ -1,7 +1,5 @@
 """The paper's equations and limits as printed, against the code, where they hold and fail."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mpmath

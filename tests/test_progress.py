@@ -1,7 +1,5 @@
 """Work in hand is shown with its stage, how long it takes already, and about how much longer."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

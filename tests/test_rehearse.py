@@ -1,7 +1,5 @@
 """What the commands rehearse of a profile: every combination as played, on devices it may be."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 from unittest import mock

@@ -1,7 +1,5 @@
 """What is felt: contact with an element, what a hand feels of commands."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """A report is one page, complete in itself: what it holds, what it escapes, what it refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The simulator against closed forms and independent integration written out here."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The files for ROS 2: the law in Python, its node, and messages that stop or come late."""
 
-from __future__ import annotations
-
 import math
 import random
 import signal

@@ -1,7 +1,5 @@
 """Scenes: what can be wanted, what the defaults are, what contradicts itself."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

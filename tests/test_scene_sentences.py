@@ -1,7 +1,5 @@
 """Wrong scene files end in one sentence that names the file, the key and what is allowed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The shipped JSON Schemas are those of the models, and say what the models say."""
 
-from __future__ import annotations
-
 import copy
 import json
 from collections.abc import Callable

@@ -4,8 +4,6 @@ Truth is a simulator that integrates coupled axes with dry friction by its own m
 of the loop of all axes at once in a state space of this file's own.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

@@ -1,7 +1,5 @@
 """Elements and what walls meet are smaller gains of others: one proof agrees with one for each."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from itertools import product

@@ -1,7 +1,5 @@
 """Signals at any moment: an orderly end, whole files, a true sentence."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

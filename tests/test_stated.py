@@ -1,7 +1,5 @@
 """What nobody stated is asked for, all at once, before anything is solved."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

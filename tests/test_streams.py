@@ -1,7 +1,5 @@
 """Standard streams that are full, closed or without a reader, each with a real process."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

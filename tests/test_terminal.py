@@ -1,7 +1,5 @@
 """One whole session on a pseudo-terminal: what cannot be told is asked, then the work goes on."""
 
-from __future__ import annotations
-
 import os
 import re
 import select

@@ -1,7 +1,5 @@
 """Torn and damaged files, archives that claim or unfold to much, and files without end."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import io

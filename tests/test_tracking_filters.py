@@ -1,7 +1,5 @@
 """Tracking filters against the observer they are, and what they make of a wall."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Friction whose turns lie anywhere in a sample, judged by an exact event by event simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

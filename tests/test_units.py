@@ -1,7 +1,5 @@
 """Logs in other units than SI: none ends in a certified profile of a wrong device."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Columns of several axes in other units than said: what tells, which axis, and what helps."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from dataclasses import replace

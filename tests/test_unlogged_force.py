@@ -1,7 +1,5 @@
 """A servo's log with a white force that nobody logged: nothing else is seen in it."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Verification of closed-loop logs: what agrees passes, and what is wrong is named."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

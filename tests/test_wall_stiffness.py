@@ -1,7 +1,5 @@
 """Tuned walls beside the stiffest that linear limits allow, found by a search of its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

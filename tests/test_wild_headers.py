@@ -1,7 +1,5 @@
 """Ways in which logs are headed in the wild: read, or refused with an option that works."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

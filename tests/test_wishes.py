@@ -1,7 +1,5 @@
 """Wishes: none is granted above the largest there is, and what is not met is said with numbers."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

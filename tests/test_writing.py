@@ -1,7 +1,5 @@
 """Files out under attack: killed writers, two writers, other owners, names of any length."""
 
-from __future__ import annotations
-
 import os
 import random
 import stat

@@ -1,7 +1,5 @@
 """Whole regions proved to the edge of what is true, and the affine forms they are proved with."""
 
-from __future__ import annotations
-
 import time
 from itertools import product
 

@@ -1,7 +1,5 @@
 """Parameters of a test of which the usual run takes a few, and the long run the others."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """How safe a profile is on the device as it really is, by polynomials in many digits."""
 
-from __future__ import annotations
-
 import numpy as np
 from flint import arb
 

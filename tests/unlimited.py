@@ -1,7 +1,5 @@
 """An actuator and an encoder that bind nothing, stated as every fact of a device has to be."""
 
-from __future__ import annotations
-
 from identification import Device, ForceLimit, quantity
 
 BOUNDLESS = ForceLimit(continuous=1e8, peak=1e9)

@@ -5,8 +5,6 @@ the next round tries as many between the last gain that let the push die out and
 did not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal
 

@@ -5,8 +5,6 @@ shows the imperfection better. Excitations are short and small, and noise is lar
 that 95 % intervals of mass and damping are between about 0.01 and 10 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache

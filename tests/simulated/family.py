@@ -1,7 +1,5 @@
 """A family of logs: one device, one motion and one kind of imperfection, any number of seeds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """Faults of the recording alone: what a good log becomes when it is written, read or cut badly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The refusal catalogue: for every finding a mild, a plain and a severe log."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Literal

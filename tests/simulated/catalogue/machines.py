@@ -1,7 +1,5 @@
 """Faults of the experiment: simulated devices that are held, stuck, weighed down or not moved."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 ``python -m tests.simulated.catalogue.pictures docs/findings`` draws one for each code.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,9 @@
 """One thread of linear algebra a worker, and no deadline for examples."""
 
 import os
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -19,3 +21,14 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, which is the current one."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def read_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Foreign parsers read here, unless ``monkeypatch.undo()`` gives them their own process."""
+
+    def read(reader: str, *given: Any) -> Any:
+        module, _, function = reader.partition(".")
+        return getattr(import_module(f"identification.readers.{module}"), function)(*given)
+
+    monkeypatch.setattr("identification.readers.read_isolated", read)

@@ -20,6 +20,8 @@ from tests.packed_logs import (
     refusal,
 )
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 _HEADER = """
 ================================================================================
 MSG: std_msgs/Header
@@ -75,7 +77,8 @@ def bag(folder: Path, **topics: tuple[str, Message, range]) -> Path:
 ALL = range(ROWS)
 
 
-def test_fields_of_one_topic(tmp_path: Path) -> None:
+def test_fields_of_one_topic(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
     words = "time from 'header stamp of /arm/joints'"
     path = bag(tmp_path, arm_joints=(JOINTS, joints, ALL))
     assert_is_the_plain_log(tmp_path, path, words, **FIELDS)
@@ -116,7 +119,11 @@ def test_topics_that_are_not_stamped_together_are_refused(tmp_path: Path) -> Non
     assert "have each their own log_time" in said
 
 
-def test_messages_without_a_header_need_a_time(tmp_path: Path) -> None:
+def test_messages_without_a_header_need_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()
+
     def both(k: int) -> dict[str, Any]:
         return {"position": POSITION[k], "force": FORCE[k], "ticks_ns": START + 1_000_000 * k}
 
@@ -148,7 +155,8 @@ def test_fields_that_are_not_there(tmp_path: Path, asked: dict[str, Any], said: 
     assert said in refusal(path, LogColumns(**asked))
 
 
-def test_torn_and_damaged_bags(tmp_path: Path) -> None:
+def test_torn_and_damaged_bags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
     whole = bag(tmp_path, arm_joints=(JOINTS, joints, ALL)).read_bytes()
     ends = (4, 100, len(whole) // 2, len(whole) - 10)
     assert_damage_is_refused(whole, tmp_path / "torn.mcap", ends, **FIELDS)
@@ -157,6 +165,7 @@ def test_torn_and_damaged_bags(tmp_path: Path) -> None:
 def test_the_extra_names_itself_where_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.undo()
     path = bag(tmp_path, arm_joints=(JOINTS, joints, ALL))
     missing = "mcap and mcap-ros2-support, which read it, are not installed"
     assert_extra_is_named(monkeypatch, path, "mcap", missing, "ros")

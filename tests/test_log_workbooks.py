@@ -20,6 +20,8 @@ from tests.packed_logs import (
     refusal,
 )
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 HEADER = ("time", "force", "position")
 
 
@@ -42,7 +44,8 @@ def test_a_sheet_is_read_as_the_plain_log(tmp_path: Path) -> None:
     assert_is_the_plain_log(tmp_path, workbook(tmp_path, HEADER, *SAMPLES), "")
 
 
-def test_titles_units_and_empty_rows(tmp_path: Path) -> None:
+def test_titles_units_and_empty_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
     milli = [[1e3 * cell for cell in row] for row in SAMPLES]
     path = workbook(
         tmp_path,
@@ -100,7 +103,8 @@ def test_what_is_no_log_is_named(tmp_path: Path, rows: list[Any], said: str) -> 
     assert said in refusal(workbook(tmp_path, *rows))
 
 
-def test_torn_and_damaged_workbooks(tmp_path: Path) -> None:
+def test_torn_and_damaged_workbooks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
     whole = workbook(tmp_path, HEADER, *SAMPLES).read_bytes()
     assert_damage_is_refused(whole, tmp_path / "torn.xlsx", (0, 10, 1000, len(whole) - 10))
 
@@ -128,6 +132,7 @@ def test_a_cell_far_away_is_refused(tmp_path: Path, far: bytes, said: str) -> No
 def test_the_extra_names_itself_where_it_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.undo()
     path = workbook(tmp_path, HEADER, *SAMPLES)
     missing = "openpyxl, which reads them, is not installed"
     assert_extra_is_named(monkeypatch, path, "openpyxl", missing, "excel")

@@ -23,9 +23,14 @@ from tests.packed_logs import (
     refusal,
 )
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 @pytest.mark.parametrize("write", WRITERS)
-def test_every_kind_reads_the_same_numbers(tmp_path: Path, write: Writer) -> None:
+def test_every_kind_reads_the_same_numbers(
+    tmp_path: Path, write: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()
     columns = LogColumns(position="q", reference="r", force_gain=-2.0, position_gain=1e-3)
     log = load_trajectory(write(tmp_path, q=POSITION, r=POSITION + 1), columns, axis="y")
     np.testing.assert_array_equal(log.time, TIME)
@@ -45,7 +50,10 @@ def test_a_reference_is_taken_unasked_from_tables_only(
 
 
 @pytest.mark.parametrize("write", WRITERS)
-def test_missing_columns_say_the_same(tmp_path: Path, write: Writer) -> None:
+def test_missing_columns_say_the_same(
+    tmp_path: Path, write: Writer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.undo()
     text = refusal(write(tmp_path), LogColumns(force="current"))
     assert "has no column 'current'; it has: time, force, position" in text
     assert "--force" in text

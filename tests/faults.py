@@ -648,6 +648,11 @@ FAULTS: tuple[Fault, ...] = (
     ),
     # Sampled motion, estimates, intervals and what is believed.
     *_of(
+        "tune/loop/loop.py",
+        "tests/test_loop.py -k unlike_shapes",
+        ("effects of unlike shapes", "spread(added, total.shape[1:])", "added"),
+    ),
+    *_of(
         "tune/loop/plant.py",
         "tests/test_loop.py -k far_from",
         ("far poles that are real", "fast - slow if mirrored else slow - fast", "slow - fast"),

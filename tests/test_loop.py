@@ -10,7 +10,7 @@ import pytest
 from flint import arb
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from identification import UsageError, load_device, quantity
 from tests.general_loops import (
@@ -31,6 +31,7 @@ from tune import (
     Filters,
     Loop,
     LoopError,
+    force_ripple,
     gain_interval,
     is_stable,
     largest,
@@ -176,6 +177,8 @@ def test_filters_that_do_not_exist_are_refused(wrong: dict[str, float], words: s
         Filters(**wrong)  # type: ignore[arg-type]
 
 
+FloatArray = NDArray[np.float64]
+
 #: Whole delays and parts of a sample, a lag, a hand and a mode.
 KINDS: dict[str, dict[str, object]] = {
     "whole": {"delay_samples": 1},
@@ -216,6 +219,44 @@ def test_devices_by_effects_are_answered_like_each_alone_to_the_last_digit(kind:
         }
         alone = answers(one, K[column], B[column], M[column])
         np.testing.assert_array_equal(alone, [each[row, column] for each in many])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_effects_of_unlike_shapes_are_answered_like_each_point_alone(seed: int) -> None:
+    """Any shapes that broadcast, also as long as the polynomial; loops too."""
+    rng = np.random.default_rng(seed)
+    shape = tuple(int(n) for n in rng.choice([1, 2, 3, 7], 3))
+
+    def drawn(low: float, high: float) -> FloatArray:
+        """Numbers along some of the axes, the first of which may be missing."""
+        own = [n if rng.random() < 0.5 else 1 for n in shape]
+        return rng.uniform(low, high, own[int(rng.integers(4)) :])
+
+    mass, damping = (drawn(1.0, 5.0), drawn(0.0, 30.0)) if seed % 2 else (3.0, 10.0)
+    sizes = (drawn(0.0, 9e3), drawn(-20.0, 1.5e3), drawn(-0.5, 10.0))[: 2 + seed % 4 // 2]
+
+    def answers(mass: ArrayLike, damping: ArrayLike, *sizes: ArrayLike) -> list[FloatArray]:
+        loop = Loop.from_numbers(
+            mass=mass,
+            damping=damping,
+            sample_time=1e-3,
+            filters=Filters(velocity_filter_hz=50.0, acceleration_filter_hz=30.0),
+        )
+        played = Effects(**dict(zip(EFFECTS, sizes, strict=False)))
+        found = [verdict(loop, played), is_stable(loop, played), *gain_interval(loop, played)]
+        found += [each[0] for each in stable_gains(loop, played)]
+        found += [safe_gain(loop, played), force_ripple(loop, played, 6e-6)]
+        return [np.asarray(each, float) for each in (*found, largest(loop, EFFECTS[-1], played))]
+
+    spread = np.broadcast_arrays(mass, damping, *sizes)
+    many = answers(mass, damping, *sizes)
+    # What `largest` is asked for is not read: a mass given does not count.
+    others = np.broadcast_shapes(*(np.shape(each) for each in (mass, damping, *sizes[:2])))
+    assert [each.shape for each in many] == [spread[0].shape] * 8 + [others]
+    many = [np.broadcast_to(each, spread[0].shape) for each in many]
+    for place in np.ndindex(spread[0].shape):
+        alone = answers(*(float(each[place]) for each in spread))
+        np.testing.assert_array_equal(alone, [each[place] for each in many])
 
 
 def test_many_effects_on_one_device_are_judged_as_in_ball_arithmetic() -> None:

@@ -521,7 +521,8 @@ def _combine(terms: Terms, values: tuple[FloatArray | None, ...]) -> FloatArray:
     total = terms.free
     for term, value in zip(terms[1:], values, strict=True):
         if value is not None:
-            total = spread(total, value.shape) + spread(term, value.shape) * value
+            added = spread(term, value.shape) * value
+            total = spread(total, value.shape) + spread(added, total.shape[1:])
     return total
 
 

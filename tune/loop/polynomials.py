@@ -126,6 +126,8 @@ def _common(p: FloatArray, q: FloatArray) -> tuple[int, ...]:
 def spread(coefficients: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     """Coefficients (degree+1, *own) with room to broadcast against ``shape``."""
     missing = len(shape) - (coefficients.ndim - 1)
+    if missing <= 0:
+        return coefficients
     return coefficients.reshape(len(coefficients), *(1,) * missing, *coefficients.shape[1:])
 
 

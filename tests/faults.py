@@ -1287,6 +1287,11 @@ FAULTS: tuple[Fault, ...] = (
         ("walls without a spring face none", "        and element.stiffness  #", "        #"),
     ),
     *_of(
+        "tune/cli/settling.py",
+        "tests/test_rehearse.py -k sake",
+        ("what is whole again is rehearsed too", "continue", "return profile"),
+    ),
+    *_of(
         "tune/cli/preparation.py",
         "tests/test_excitation.py -k pull_at_it",
         ("what pulls at a known device", '.startswith("unplanned") or not known', " and not known"),

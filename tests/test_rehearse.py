@@ -129,7 +129,7 @@ def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("schema: haptune/scene/1\nname: pool\nelements: {water: {damping: 10.0}}\n")
     shakes = RestlessError({("water",): "shakes."})
-    with mock.patch("tune.cli.profiles.refuse_restless", side_effect=shakes):
+    with mock.patch("tune.cli.settling.refuse_restless", side_effect=shakes):
         ended = haptune("tune", "homerehab", str(scene), "-o", str(tmp_path / "profile.yaml"))
     assert ended.code == 5
     assert "water: rehearsal: shakes. Ask for less of it" in " ".join(ended.err.split())
@@ -142,7 +142,7 @@ def test_less_is_asked_for_of_what_does_not_settle(tmp_path: Path) -> None:
     shakes = RestlessError({("water",): "shakes."})
     for answers in ([None], [shakes, None]):
         path = tmp_path / f"{len(answers)}.yaml"
-        with mock.patch("tune.cli.profiles.refuse_restless", side_effect=answers):
+        with mock.patch("tune.cli.settling.refuse_restless", side_effect=answers):
             ended = haptune("tune", "homerehab", str(scene), "-o", str(path))
         assert ended.code == 0
         assert ("shakes; tuned again with less of it" in ended.err) == (answers[0] is shakes)
@@ -157,6 +157,42 @@ def test_less_is_asked_for_of_what_does_not_settle(tmp_path: Path) -> None:
     Path(path).write_text(silent.to_yaml(), encoding="utf-8")
     with pytest.raises(CheckFailedError, match="limited by stability, which would allow 10% more"):
         check(path)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_nothing_is_less_for_the_sake_of_what_is_not_felt_so(tmp_path: Path, alone: bool) -> None:
+    """Mist of 0.7 times as much is no step; a wall that settles without it is whole again."""
+    scene, path = tmp_path / "scene.yaml", tmp_path / "profile.yaml"
+    wall, mist = (
+        "wall: {stiffness: max, damping: max, one_sided: true}",
+        "mist: {damping: {min: 0.5, max: 3}}",
+    )
+
+    def tuned(elements: str, veto: Any) -> tuple[SafeProfile, str]:
+        scene.write_text(f"schema: haptune/scene/1\nname: pool\nelements: {{{elements}}}\n")
+        with mock.patch("tune.cli.settling.refuse_restless", side_effect=veto):
+            ended = haptune("tune", "homerehab", str(scene), "-o", str(path))
+        assert ended.code == 0, ended.err
+        return load_profile(path), " ".join(ended.err.split())
+
+    whole = tuned(wall, None)[0].elements["wall"]
+
+    def shaking(design: SafeProfile, _: Any) -> None:
+        if design.elements["mist"].damping:
+            raise RestlessError({("wall", "mist"): "shakes."})
+        if not alone and design.elements["wall"].damping > 0.9 * whole.damping:
+            raise RestlessError({("wall",): "shakes."})
+
+    profile, said = tuned(f"{wall}, {mist}", shaking)
+    assert check(path).profile.digest == profile.digest
+    part = 1 if alone else 0.7
+    assert profile.elements["wall"].damping == pytest.approx(part * whole.damping, rel=0.02)
+    assert "wall + mist: rehearsal: shakes; tuned again" in said
+    assert ("wall: rehearsal: shakes; tuned again" in said) is not alone
+    note = next(each for each in profile.notes if each.startswith("mist.damping dropped: "))
+    assert "range" not in note
+    assert "with more of it wall + mist did not settle in simulation; 2.1 would be" in note
+    assert note.endswith(". Keep it apart (apart:, not together:) from wall, or leave it out")
 
 
 def test_a_device_without_an_effect_beside_another_is_tuned() -> None:

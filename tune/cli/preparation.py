@@ -486,6 +486,7 @@ class RestlessError(CheckFailedError):
     def __init__(self, vetoes: dict[tuple[str, ...], str]) -> None:
         said = (f"{' + '.join(names)}: rehearsal: {why}" for names, why in vetoes.items())
         super().__init__(tuple(said))
+        self.combinations = {*vetoes}
         self.elements = {name for names in vetoes for name in names}
 
 

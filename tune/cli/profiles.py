@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection
 from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -25,8 +24,9 @@ from tune.cli.logs import (
     read_log,
     write_hardware,
 )
-from tune.cli.preparation import RestlessError, refuse_restless, template
+from tune.cli.preparation import refuse_restless, template
 from tune.cli.session import Session, command, refuse_standard_output
+from tune.cli.settling import optimise_to_rest
 from tune.documents import CheckFailedError, NoFeasibleEffectError
 
 if TYPE_CHECKING:
@@ -50,8 +50,6 @@ _IN_HARDWARE = (
 )
 #: What the demonstration leaves in the current folder.
 _FILES = ("device.yaml", "scene.yaml", "profile.yaml", "identification.png", "profile.png")
-#: Parts of an effect that are asked for where it does not settle in simulation, one after another.
-_LESS = 0.7, 0.3
 #: What exported files end in, and how each tells its profile, within so many bytes.
 _EXPORTED = frozenset((".c", ".h", ".hpp", ".json", ".py", ".yaml"))
 _DIGEST = re.compile(rb"digest\W{1,4}(sha256:[0-9a-f]{64})")
@@ -202,7 +200,7 @@ def tune_device(
             with session.progress() as say:
                 refuse_restless(profile, say)
         else:
-            profile = _optimise_to_rest(session, device, wish)
+            profile = optimise_to_rest(session, device, wish.scene, wish.table)
     except CheckFailedError as error:
         reasons = (f"{each.removesuffix('.')}. Ask for less of it" for each in error.failures)
         raise NoFeasibleEffectError(tuple(reasons)) from error
@@ -226,71 +224,6 @@ def tune_device(
         "leaving and gains that change: settles",
     )
     return profile
-
-
-def _optimise_to_rest(session: Session, device: Device, wish: TuningRequest) -> SafeProfile:
-    """The largest effects that settle in simulation: less is asked for of what does not, and said.
-
-    Raises as `optimise`, and RestlessError where less of it does not settle either.
-    """
-    from tune.optimisation import optimise
-
-    scene, restless = wish.scene, tuple[str, ...]()
-    for part in (*_LESS, 0.0):
-        with session.progress() as say:
-            profile = optimise(device, scene, table=wish.table, progress=say)
-            try:
-                refuse_restless(profile, say)
-                break
-            except RestlessError as error:
-                less = _with_less(scene, profile, error.elements, part)
-                if less is None:
-                    raise
-                scene, restless = less, error.failures
-    else:
-        raise AssertionError("the last attempt ends or raises")
-    for sentence in restless:
-        session.warn(f"{sentence.removesuffix('.')}; tuned again with less of it")
-    return _naming_rehearsal(profile, wish.scene, scene) if restless else profile
-
-
-def _naming_rehearsal(profile: SafeProfile, asked: Scene, less: Scene) -> SafeProfile:
-    """A profile that says where it ends because more did not settle: stability, and a note."""
-    from tune.certificate.check import note_of_rehearsal
-
-    elements, notes = {**profile.elements}, list(profile.notes)
-    for name, element in profile.elements.items():
-        ends = [scene.elements[name].wishes() for scene in (asked, less)]
-        words = {**element.limited_by}
-        for effect, word in element.limited_by.items():
-            if word == "range" and ends[0][effect] != ends[1][effect]:
-                words[effect] = "stability"
-                notes.append(note_of_rehearsal(f"{name}.{effect}"))
-        elements[name] = element.model_copy(update={"limited_by": words})
-    told = profile.model_copy(update={"elements": elements, "notes": tuple(notes)})
-    return ident.as_stored(told).signed()
-
-
-def _with_less(
-    scene: Scene, profile: SafeProfile, names: Collection[str], part: float
-) -> Scene | None:
-    """The scene with a part of the open effects of these elements and of what is alike them.
-
-    None where none can be less.
-    """
-    from tune.documents.scene import Wish
-
-    elements, kinds = dict(scene.elements), scene.alike()
-    for name in (each for each, first in kinds.items() if not {each, first}.isdisjoint(names)):
-        wishes = elements[name].wishes()
-        most = {
-            effect: Wish(kind="range", low=wished.low or 0.0, high=part * size)
-            for effect, wished in wishes.items()
-            if (wished.kind == "max" or (wished.kind == "range" and wished.high is not None))
-            and part * (size := getattr(profile.elements[name], effect)) > (wished.low or 0.0)
-        }
-        elements[name] = elements[name].model_copy(update=most)
-    return None if elements == scene.elements else scene.model_copy(update={"elements": elements})
 
 
 def _write_profile(

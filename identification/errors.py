@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 
 def printable(text: str) -> str:
@@ -50,7 +50,10 @@ def refusal(
 
 
 class IdentificationError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose; workers of a pool can hand it on."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Exception.__new__, (type(self), *self.args), self.__dict__
 
 
 class _GivenError(IdentificationError):

@@ -1,7 +1,9 @@
 """The door import haptune: its verbs, names of files by text or path, frames, quiet libraries."""
 
+import copy
 import inspect
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -20,9 +22,16 @@ import tune
 from datasets_synthetic import bundled_path
 from identification import (
     Device,
+    Finding,
     Hardware,
+    IdentificationError,
     InvalidInputError,
+    LogRefusedError,
+    NotWrittenError,
+    QuestionError,
     Replaced,
+    Unstated,
+    UnstatedError,
     UsageError,
     load_device,
     load_document,
@@ -31,11 +40,14 @@ from identification import (
 from tests.commands import FLUID, form, log_text
 from tests.exported import tuned
 from tune import (
+    CheckFailedError,
     Effects,
     Loop,
     LoopError,
+    NoFeasibleEffectError,
     SafeProfile,
     Scene,
+    TuneError,
     audit,
     compare,
     count_jump,
@@ -67,6 +79,31 @@ def test_every_public_name_is_there() -> None:
         assert getattr(haptune, name) is not None
     with pytest.raises(AttributeError, match="no attribute 'solve'"):
         _ = haptune.solve  # type: ignore[attr-defined]
+
+
+def test_every_error_can_be_handed_on_by_a_worker_and_copied() -> None:
+    wrong = Finding(code="jitter", severity="refusal", seen="1", needed="2", remedy="Do it")
+    fact = Unstated(key="motion", write="motion: linear", hint="")
+    errors: list[Exception] = [
+        IdentificationError("said"),
+        InvalidInputError("a.csv", "is empty", "Give another"),
+        QuestionError("a.csv", "is it?", "Say", question="Which?", option="time", choices="ab"),
+        UnstatedError("a.csv", (fact,), "State it:"),
+        UsageError("name", "is none", "Choose"),
+        LogRefusedError((wrong,)),
+        NotWrittenError(Path("a.csv"), "no space"),
+        TuneError("said"),
+        LoopError("no loop"),
+        NoFeasibleEffectError(("weak", "late")),
+        CheckFailedError(("digest",), unproved=(("wall",),), spent=True),
+    ]
+    named = [getattr(each, name) for each in (identification, tune) for name in each.__all__]
+    kinds = {each for each in named if isinstance(each, type) and issubclass(each, Exception)}
+    assert kinds == {type(each) for each in errors}
+    for error in errors:
+        handed = pickle.loads(pickle.dumps(error))  # noqa: S301
+        for again in (handed, copy.copy(error), copy.deepcopy(error)):
+            assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
 
 
 def test_importing_it_loads_nothing() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from identification import Document
@@ -42,7 +42,10 @@ class Exit(IntEnum):
 
 
 class TuneError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose; workers of a pool can hand it on."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Exception.__new__, (type(self), *self.args), self.__dict__
 
 
 class LoopError(TuneError):

@@ -195,6 +195,23 @@ def test_nothing_is_less_for_the_sake_of_what_is_not_felt_so(tmp_path: Path, alo
     assert note.endswith(". Keep it apart (apart:, not together:) from wall, or leave it out")
 
 
+def test_what_was_told_apart_stays_so_where_less_is_asked_for(tmp_path: Path) -> None:
+    """Less of the water is not to cost the wall that is never met with it, nor minutes."""
+    scene, path = tmp_path / "scene.yaml", tmp_path / "profile.yaml"
+    wall = "{stiffness: max, damping: max, one_sided: true, priority: 2}"
+    elements = f"{{wall: {wall}, water: {{damping: {{min: 0.5, max: 8}}}}}}"
+    loop = "{velocity_filter_hz: none}"
+    scene.write_text(f"schema: haptune/scene/1\nname: pool\nloop: {loop}\nelements: {elements}\n")
+    answers = [RestlessError({("water",): "shakes."}), None]
+    with mock.patch("tune.cli.settling.refuse_restless", side_effect=answers):
+        assert haptune("tune", "stylus", str(scene), "-o", str(path)).code == 0
+    profile = check(path).profile
+    assert profile.elements["water"].damping == pytest.approx(5.6)
+    assert profile.elements["wall"].stiffness > 1300
+    assert profile.apart == (("wall", "water"),)
+    assert sum(note.startswith("kept apart: wall and water") for note in profile.notes) == 1
+
+
 def test_a_device_without_an_effect_beside_another_is_tuned() -> None:
     """A wall too faint to be felt on a device that hardly damps, beside water and a cup."""
     device = as_stored(

@@ -73,7 +73,9 @@ def _naming_rehearsal(
     profile: SafeProfile, asked: Scene, less: Scene, vetoed: Collection[tuple[str, ...]]
 ) -> SafeProfile:
     """A profile that says where it ends because more did not settle: stability, and a note."""
+    from tune.certificate.certify import note_of_apart
     from tune.certificate.check import note_of_rehearsal
+    from tune.documents.scene import groups_of
 
     elements, notes = {**profile.elements}, list(profile.notes)
     for name, effect in _cuts(asked, less):
@@ -83,6 +85,9 @@ def _naming_rehearsal(
             elements[name] = elements[name].model_copy(update={"limited_by": words})
             notes.append(note_of_rehearsal(label))
         notes = [_of_lost(note, name, label, vetoed) for note in notes]
+    for pair in set(profile.apart).difference(groups_of(asked.elements, asked.apart)):
+        said = note_of_apart(pair)
+        notes += [said] * (said not in notes and all(elements[name].acting for name in pair))
     told = profile.model_copy(update={"elements": elements, "notes": tuple(notes)})
     return ident.as_stored(told).signed()
 
@@ -112,6 +117,7 @@ def _with_less(
 
     None where none can be less.
     """
+    from tune.certificate.certify import note_of_apart
     from tune.documents.scene import Wish
 
     elements, kinds = dict(scene.elements), scene.alike()
@@ -124,4 +130,11 @@ def _with_less(
             and part * (size := getattr(profile.elements[name], effect)) > (wished.low or 0.0)
         }
         elements[name] = elements[name].model_copy(update=most)
-    return None if elements == scene.elements else scene.model_copy(update={"elements": elements})
+    if elements == scene.elements:
+        return None
+    # What was told apart stays so: less of one is not to be met by less of the other.
+    apart = [
+        *scene.apart,
+        *(each for each in profile.apart if note_of_apart(each) in profile.notes),
+    ]
+    return scene.model_copy(update={"elements": elements, "apart": tuple(apart)})

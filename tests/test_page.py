@@ -12,7 +12,7 @@ import pytest
 
 from identification import load_device, to_mapping, to_yaml
 from tests.commands import FLUID, haptune
-from tests.pages import Served, served
+from tests.pages import Answer, Served, served
 from tune import Scene, optimise
 
 OUTSIDE = "kept from all who ask"
@@ -150,6 +150,44 @@ def test_only_logs_are_dropped_and_what_stood_there_is_kept(page: Served, folder
     assert page.ask("file/new.csv", b"one", method="PUT").json == {"backup": ""}
     assert page.ask("file/new.csv", b"two", method="PUT").json == {"backup": "new.csv.bak"}
     assert (folder / "new.csv.bak").read_bytes() == b"one"
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("run/", b"["),
+        ("run/", []),
+        ("run/", {}),
+        ("run/", [5]),
+        ("run/", ["export", "profile.yaml", "--to=c\0"]),
+        ("show/log", b"\xff"),
+        ("show/log", []),
+        ("show/log", {"file": "a" * 5000}),
+        ("show/log", {"file": "device.yaml", "columns": {"time": [1]}}),
+        ("show/nothing", {}),
+        ("file/own.yaml", b"\xff"),
+        ("file/device.yaml", b"elements: {water: {damping: 10.0}}"),
+        (f"file/{'a' * 5000}", None),
+    ],
+)
+def test_what_the_page_never_asks_is_refused(
+    page: Served, folder: Path, path: str, body: object
+) -> None:
+    before = everything(folder)
+    method = "PUT" if body is not None and path.startswith("file/") else None
+    answer = page.ask(path, body, method=method)
+    assert answer.status in {400, 403, 404, 422}
+    assert len(answer.body) > 5
+    assert everything(folder) == before
+
+
+def test_a_file_beyond_all_logs_is_refused_before_it_is_sent(page: Served, folder: Path) -> None:
+    for size in ("Content-Length: 200000001", "Transfer-Encoding: chunked"):
+        with socket.create_connection(("127.0.0.1", page.port), timeout=10) as line:
+            head = f"PUT /{page.token}/file/huge.csv HTTP/1.1\r\nHost: 127.0.0.1\r\n{size}\r\n\r\n"
+            line.sendall(head.encode())
+            assert line.recv(4096).startswith(b"HTTP/1.1 413")
+    assert not (folder / "huge.csv").exists()
 
 
 def test_a_page_of_the_folder_can_run_nothing(page: Served, folder: Path) -> None:
@@ -321,24 +359,29 @@ def test_a_scene_is_kept_as_it_was_written(page: Served, folder: Path) -> None:
 
 def test_a_command_tells_its_stages_and_can_be_ended(page: Served, folder: Path) -> None:
     (folder / "fluid.yaml").write_text(FLUID)
-    results: list[dict[str, object]] = []
+    answers: list[Answer] = []
 
     def begin(name: str) -> threading.Thread:
         words = ("tune", "device.yaml", "fluid.yaml", "-o", name)
-        running = threading.Thread(target=lambda: results.append(page.run(*words)))
+        running = threading.Thread(target=lambda: answers.append(page.ask("run/", list(words))))
         running.start()
         return running
 
+    started = [begin(name) for name in ("1.yaml", "2.yaml", "3.yaml")]
+    for each in started:
+        each.join()
+    assert sorted(each.status for each in answers) == [200, 409, 409]
+    assert sum((folder / name).exists() for name in ("1.yaml", "2.yaml", "3.yaml")) == 1
     stages, running = set[str](), begin("a.yaml")
     for stage in page.stages():
         stages.add(stage)
         if not running.is_alive():
             break
     assert len(stages) > 2
-    assert results.pop()["exit_code"] == 0
+    assert answers[-1].json["exit_code"] == 0
     running = begin("b.yaml")
     while not page.ask("stop/", {}).json["asked"]:
         time.sleep(0.01)
     running.join()
-    assert results[0]["exit_code"] in {130, -15}  # -15 before it was ready to be asked
+    assert answers[-1].json["exit_code"] in {130, -15}  # -15 before it was ready to be asked
     assert not (folder / "b.yaml").exists()

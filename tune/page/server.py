@@ -18,21 +18,16 @@ from collections.abc import AsyncGenerator, Callable
 from contextlib import asynccontextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import uvicorn
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import (
-    FileResponse,
-    JSONResponse,
-    PlainTextResponse,
-    Response,
-    StreamingResponse,
-)
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 
 import identification as ident
@@ -52,7 +47,9 @@ _STYLE = Path(__file__).parents[1] / "templates" / "report.css"
 #: Commands that the page runs, their options that are followed by a path, and by anything else.
 _COMMANDS = frozenset(["doctor", "export", "identify", "new", "report", "tune"])
 _PATHS = frozenset(["-o", "--hardware", "--device", "--picture"])
-_TEXT = re.compile(r"--(((time|force|position)(-gain)?)|reference|to)=.*", re.DOTALL)
+_TEXT = re.compile(r"--(((time|force|position)(-gain)?)|reference|to)=[^\0]*")
+#: What is asked for: words of a command, or of a view; bytes at most, of a log of 1e6 rows.
+_WORDS, _ASKED, _LARGEST = TypeAdapter(list[str]), TypeAdapter(dict[str, Any]), 200_000_000
 _SCHEMA = re.compile(rb"^schema: haptune/(\w+)/", re.MULTILINE)
 #: Files that are listed at most, and bytes of each that are looked at.
 _MOST_FILES, _HEAD = 1000, 4096
@@ -85,6 +82,7 @@ class Page:
         self.token = secrets.token_urlsafe(24)
         self.tabs = 0
         self.process: asyncio.subprocess.Process | None = None
+        self.running = asyncio.Lock()
         self.stage = ""
         own = [
             Route("/", self.own_file),
@@ -96,13 +94,11 @@ class Page:
             Route("/run/", self.run, methods=["POST"]),
             Route("/stop/", self.stop, methods=["POST"]),
         ]
-        kinds = (IdentificationError, TuneError, ValidationError)
+        kinds = (IdentificationError, TuneError, UnicodeDecodeError, ValidationError)
         app = Starlette(
             routes=[Mount("/" + self.token, routes=own)],
             middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=["127.0.0.1"])],
-            exception_handlers=dict.fromkeys(
-                kinds, lambda _, error: PlainTextResponse(str(error), status_code=422)
-            ),
+            exception_handlers=dict.fromkeys(kinds, _refused),
             lifespan=self._life,
         )
         self.server = uvicorn.Server(
@@ -120,6 +116,7 @@ class Page:
         """A path within the folder, links followed; any other is refused."""
         try:
             found = (self.folder / name).resolve()
+            found.exists()  # or raises where nothing can have that name
         except (OSError, ValueError):
             raise HTTPException(400, "no path") from None
         if not found.is_relative_to(self.folder):
@@ -136,9 +133,13 @@ class Page:
         path = self.path(request.path_params["path"])
         if request.method == "GET":
             return _sent(path, _FOREIGN)
+        if int(request.headers.get("content-length", _LARGEST + 1)) > _LARGEST:
+            raise HTTPException(413, f"more than {_LARGEST} bytes: put the file there yourself")
         content = await request.body()
         if path.suffix == ".yaml":
             content = self.checked(path, content.decode()).encode()
+            if _kind_of(path) not in {"", "hardware", "scene"}:
+                raise HTTPException(403, "would replace what only a command writes")
         elif path.parent != self.folder or _kind_of(path) != "log":
             raise HTTPException(403, "not the name of a log")
         replaced = ident.write_bytes(path, content)
@@ -187,14 +188,16 @@ class Page:
 
     async def show(self, request: Request) -> Response:
         """What there is to be seen of a log, a document, or gains that were moved."""
-        view = views.VIEWS[request.path_params["view"]]
-        asked = await request.json()
+        view: Any = views.VIEWS.get(request.path_params["view"])
+        if view is None:
+            raise HTTPException(404)
+        asked = _ASKED.validate_json(await request.body())
         return JSONResponse(await asyncio.to_thread(view, self.path, **asked))
 
     async def run(self, request: Request) -> Response:
         """Run a command in the folder; every tab is told its stages, who asked its result."""
-        words = [str(each) for each in await request.json()]
-        if words[0] not in _COMMANDS:
+        words = _WORDS.validate_json(await request.body())
+        if not _COMMANDS.intersection(words[:1]):
             raise HTTPException(403, "no command of the page")
         for before, word in pairwise(words):
             if before not in _PATHS and (word in _PATHS or _TEXT.fullmatch(word)):
@@ -202,26 +205,27 @@ class Page:
             if word.startswith("-"):
                 raise HTTPException(403, "no option of the page")
             self.path(word)
-        if self.process is not None and self.process.returncode is None:
+        if self.running.locked():
             raise HTTPException(409, "another command runs")
-        program = _PROGRAM.format(path=[each for each in sys.path if each])
-        self.process = process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-P", "-c", program, *words, "--json"),
-            cwd=self.folder,
-            env=os.environ | {"HAPTUNE_STAGES": "1"},
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-        )
-        assert process.stdout is not None
-        assert process.stderr is not None
-        self.stage, reading = "starting", asyncio.create_task(process.stdout.read())
-        async for line in process.stderr:
-            self.stage = line.decode(errors="replace").strip()
-        said, code = await reading, await process.wait()
-        self.stage = ""
-        ended = {"exit_code": code, "message": "it was ended", "outputs": (), "findings": ()}
-        return JSONResponse(json.loads(said) if said else ended)
+        async with self.running:
+            program = _PROGRAM.format(path=[each for each in sys.path if each])
+            self.process = process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-P", "-c", program, *words, "--json"),
+                cwd=self.folder,
+                env=os.environ | {"HAPTUNE_STAGES": "1"},
+                stdin=asyncio.subprocess.DEVNULL,
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+            )
+            assert process.stdout is not None
+            assert process.stderr is not None
+            self.stage, reading = "starting", asyncio.create_task(process.stdout.read())
+            async for line in process.stderr:
+                self.stage = line.decode(errors="replace").strip()
+            said, code = await reading, await process.wait()
+            self.stage = ""
+            ended = {"exit_code": code, "message": "it was ended", "outputs": (), "findings": ()}
+            return JSONResponse(json.loads(said) if said else ended)
 
     async def stop(self, _: Request) -> Response:
         """Ask the command that runs to end, as Ctrl-C does."""
@@ -234,6 +238,10 @@ class Page:
         with suppress(ProcessLookupError):
             self.process.terminate()
         return True
+
+
+def _refused(_: Request, error: Exception) -> Response:
+    return Response(str(error), status_code=422, media_type="text/plain")
 
 
 def _sent(path: Path, policy: str) -> Response:

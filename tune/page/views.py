@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ Inside: TypeAlias = Callable[[str], Path]
 #: Parts of a curve, of each of which the least and the largest value are drawn.
 _PARTS = 1200
 #: Names that no column has, so that the reader tells those that there are.
-_NO_COLUMN = LogColumns(time="\0t", force="\0f", position="\0x")
+_NO_COLUMN, _USUAL = LogColumns(time="\0t", force="\0f", position="\0x"), LogColumns()
 #: Places at which a region is drawn, fewer while a slider moves; those of what is felt.
 _PLACES, _MOVING, _FELT = 160, 24, 61
 #: Part of the continuous force that is the step, N where no limit is stated; s of the answer.
@@ -40,15 +40,12 @@ _STEP, _WITHOUT_LIMIT, _SPAN = 0.1, 1.0, 0.5
 
 
 @validate_call
-def log_view(inside: Inside, file: str, columns: dict[str, Any] | None = None) -> dict[str, object]:
-    """Names of the columns of a log, and those chosen as curves; or why there are none.
-
-    ``columns`` are as those of `LogColumns`.
-    """
+def log_view(inside: Inside, file: str, columns: LogColumns = _USUAL) -> dict[str, object]:
+    """Names of the columns of a log, and those chosen as curves; or why there are none."""
     path = inside(file)
     told: dict[str, object] = {"names": _read(_names, path), "curves": {}}
     try:
-        log = _read(ident.load_trajectory, path, LogColumns(**columns or {}))
+        log = _read(ident.load_trajectory, path, columns)
     except IdentificationError as error:
         return told | {"reading": str(error)}
     curves = {name: thinned(log.time, column) for name, column in log.columns() if name != "time"}
@@ -136,9 +133,10 @@ def moved_view(
     hertz = {"velocity_filter_hz": velocity_filter, "acceleration_filter_hz": acceleration_filter}
     given = {name: value for name, value in hertz.items() if value is not None}
     filters = replace(filters_of(safe.loop), **given)
+    gains = {"stiffness": stiffness, "damping": damping, "mass": mass}
     found = audit(
         _read(ident.load_device, inside(device)),
-        Effects(stiffness=stiffness, damping=damping, mass=mass),
+        Effects(**gains),
         filters=filters,
         margin=margin,
         extra_delay_samples=extra_delay_samples,
@@ -151,9 +149,9 @@ def moved_view(
         ends = Boundaries.on(later, filters, MARGINS[margin]).ends(seen, mass)
     limit = later.force_limit
     force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
-    samples = np.arange(0.0, _SPAN, later.sample_time.value)
-    gains, frequency = (stiffness, damping, mass), np.geomspace(SLOWEST, BEYOND, _FELT)
-    felt = felt_over_frequency(later, filters, frequency, *gains)
+    samples, sizes = np.arange(0.0, _SPAN, later.sample_time.value), (stiffness, damping, mass)
+    frequency = np.geomspace(SLOWEST, BEYOND, _FELT)
+    felt = felt_over_frequency(later, filters, frequency, *sizes)
     return {
         "table": plain_table(audit_table(found)),
         "faults": [f"{each.limit}: {each.seen}; needed: {each.needed}" for each in found.faults],
@@ -161,7 +159,7 @@ def moved_view(
         "ends": ends,
         "region": _region(later, filters, margin, ends, mass, _PLACES if proved else _MOVING),
         "step": [
-            thinned(samples, step_response(each, filters, gains, force, samples.size), _PARTS // 8)
+            thinned(samples, step_response(each, filters, sizes, force, samples.size), _PARTS // 8)
             for each in corners_of(later, later.simultaneous_box())
         ],
         "force": force,
@@ -212,8 +210,4 @@ def step_response(
 
 
 #: What the page asks for, by the name under which it does.
-VIEWS: dict[str, Callable[..., object]] = {
-    "log": log_view,
-    "document": document_view,
-    "moved": moved_view,
-}
+VIEWS = {"log": log_view, "document": document_view, "moved": moved_view}

@@ -16,6 +16,7 @@ import polars as pl
 import pytest
 
 import haptune as door
+import identification
 from identification import InvalidInputError, UsageError, load_device
 from tests.commands import FLUID, haptune
 from tests.fleet_logs import fleet_logs
@@ -150,6 +151,22 @@ def test_killed_and_run_again_gives_the_same(calibrated: Path, here: Path) -> No
     assert 2 <= len(records(here / "fleet")) <= COUNT
     haptune(*COMMAND, "--workers", "1")
     assert contents(here / "fleet") == contents(calibrated / "fleet")
+
+
+def test_interrupted_it_says_how_many_are_done(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("SN3", "SN4"):
+        Path(f"fleet/records/{name}.json").unlink()
+    write = identification.write_bytes
+
+    def write_or_stop(path: Path, content: bytes) -> object:
+        if path.name == "SN4.yaml":
+            raise KeyboardInterrupt
+        return write(path, content)
+
+    monkeypatch.setattr(identification, "write_bytes", write_or_stop)
+    done = haptune(*COMMAND, "--workers", "1")
+    assert done.code == 130
+    assert f"interrupted; {COUNT} of {COUNT + 1} devices are done; run it again" in done.err
 
 
 @pytest.mark.long

@@ -165,6 +165,8 @@ def fleet_command(
             place = left[turn]
             _store(output, jobs[place].entry.name, sealed[place], row, text)
             rows[place] = row
+            done_now = f"{len(jobs) - len(left) + number} of {len(jobs)} devices are done"
+            session.so_far = f"{done_now}; run it again for the rest"
             say(f"calibrating {jobs[place].entry.name} and others ({number} of {len(left)})")
     _conclude(session, f"Fleet of {manifest.name}", output, cast("list[dict[str, Any]]", rows))
 

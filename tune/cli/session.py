@@ -68,8 +68,8 @@ class Session:
 
     Its name is "haptune" alone where no command was found; with ``as_json`` one JSON object stands
     on standard output and nothing else; files are targets that are to be written, and outputs once
-    they are; details are what it computed, by name; understood tells of logs that are no plain
-    tables in SI units how they were read.
+    they are; ``so_far`` says what is stored before there is any; details are what it computed, by
+    name; understood tells of logs that are no plain tables in SI units how they were read.
     """
 
     command: str
@@ -80,6 +80,7 @@ class Session:
     findings: list[Finding] = field(default_factory=list["Finding"])
     targets: list[str] = field(default_factory=list[str])
     outputs: list[str] = field(default_factory=list[str])
+    so_far: str = "no file was written"
     details: dict[str, object] = field(default_factory=dict[str, object])
     understood: dict[str, str] = field(default_factory=dict[str, str])
     logs: int = 0
@@ -284,7 +285,7 @@ class Session:
         """Which files were written and which were not."""
         left = [target for target in self.targets if target not in self.outputs]
         if not self.outputs:
-            return "no file was written"
+            return self.so_far
         written = f"written: {', '.join(self.outputs)}"
         return f"{written}; not written: {', '.join(left)}" if left else written
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from os import PathLike
 from typing import Literal, cast
 
 import numpy as np
@@ -27,6 +26,7 @@ from identification.errors import (
     LogRefusedError,
     UsageError,
     refuse,
+    typed,
 )
 from identification.estimators import METHODS, Method
 from identification.estimators.estimate import Estimate, quantile
@@ -101,6 +101,7 @@ class Identification(Tabular):
         return "; ".join(f"{fit.trajectory.source}: {fit.reason}" for fit in self.logs)
 
 
+@typed
 def identify(
     trajectory: Trajectory | Trajectories | Sequence[Trajectory | Trajectories],
     *,
@@ -126,7 +127,7 @@ def identify(
         InvalidInputError: hardware and log contradict each other.
         LogRefusedError: mass and damping cannot honestly be told; carries every finding.
     """
-    one = isinstance(trajectory, Trajectory | Trajectories | str | PathLike)
+    one = isinstance(trajectory, str) or not isinstance(trajectory, Iterable)
     given = cast("Sequence[object]", (trajectory,) if one else trajectory)
     allow = (allow,) if isinstance(allow, str) else allow
     for each in given:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
+from inspect import signature
+from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, ParamSpec, TypeVar
+
+_Given = ParamSpec("_Given")
+_Answer = TypeVar("_Answer")
 
 
 def printable(text: str) -> str:
@@ -187,3 +193,46 @@ def refuse(noticed: Sequence[Sequence[Finding]], allow: Collection[str]) -> None
     findings = tuple(finding for found in noticed for finding in found)
     if any(each.severity == "refusal" and each.code not in allow for each in findings):
         raise LogRefusedError(findings)
+
+
+_FILE, _PROFILE = "the name of a file", "a profile, as load_profile reads it"
+#: What verbs take, by the name of its type.
+_TAKEN = {
+    "Design": _PROFILE,
+    "Device": "a device, as load_device reads it",
+    "Effects": "Effects(stiffness=..., damping=..., mass=...)",
+    "File": _FILE,
+    "Hardware": "hardware, as load_document(Hardware, ...) reads it",
+    "PathLike[str]": _FILE,
+    "SafeProfile": _PROFILE,
+    "Scene": "a scene, as load_scene reads it",
+    "Trajectory": "a log, as load_trajectory reads it",
+    "float": "a number",
+}
+
+
+def typed(function: Callable[_Given, _Answer]) -> Callable[_Given, _Answer]:
+    """The function, which refuses documents, logs and names of files of another type.
+
+    Types are compared by name: nothing is loaded for it. Sequences are left to the function.
+
+    Raises:
+        UsageError: the argument, its type, and what to give.
+    """
+    given = signature(function).parameters.values()
+    wanted = {each.name: str(each.annotation).split(" | ") for each in given}
+
+    @wraps(function)
+    def validated(*values: _Given.args, **options: _Given.kwargs) -> _Answer:
+        for name, value in (*zip(wanted, values, strict=False), *options.items()):
+            own = type(value)
+            known = {"None" if value is None else each.__name__ for each in own.__mro__}
+            known |= {"File", "PathLike[str]"} if isinstance(value, str | PathLike) else set()
+            known |= {"float"} if isinstance(value, Real) else set()
+            kinds = wanted.get(name, ())
+            taken = dict.fromkeys(_TAKEN[each] for each in kinds if each in _TAKEN)
+            if taken and known.isdisjoint(kinds) and "Sequence[" not in "".join(kinds):
+                raise UsageError(name, f"is of type {own.__name__}", f"Give {' or '.join(taken)}")
+        return function(*values, **options)
+
+    return validated

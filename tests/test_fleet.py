@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import polars as pl
@@ -290,8 +290,12 @@ def test_a_study_takes_one_of_each_and_refuses_before_any_work_what_makes_no_sen
         UsageError, match=r"'frm' is none\. Choose from conservative, balanced, firm"
     ):
         study(homerehab, water, margins=unknown, workers=1, progress=said.append)
-    with pytest.raises(UsageError, match=r"workers: 0 do no work\. Give 1 or more"):
-        study(homerehab, water, workers=0)
+    for workers in (0, -5, cast("Any", 1.5)):
+        with pytest.raises(UsageError, match=rf"workers: {workers} do no work\. Give 1 or more"):
+            study(homerehab, water, workers=workers)
+    nothing: Any = None
+    with pytest.raises(UsageError, match="path: is of type NoneType"):
+        study(homerehab, nothing, workers=1)
     assert not said
 
 

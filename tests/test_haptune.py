@@ -308,3 +308,39 @@ def test_what_no_call_can_answer_is_refused_with_the_value(
 ) -> None:
     with pytest.raises((UsageError, LoopError), match=words):
         call(load_device("homerehab"), tuned())
+
+
+@pytest.mark.parametrize("strange", [None, "nope.yaml", Path("nope"), {}, b"x"])
+def test_what_is_of_another_type_is_refused_with_what_to_give(strange: Any) -> None:
+    device, profile, log = load_device("homerehab"), tuned(), load_trajectory(LOG)
+    calls: dict[str, Callable[[], object]] = {
+        "device: {}a device, as load_device reads it": lambda: optimise(strange, _SCENE),
+        "scene: {}a scene, as load_scene reads it": lambda: optimise(device, scene=strange),
+        "effects: {}Effects(": lambda: audit(device, strange),
+        "profile: {}a profile, as load_profile reads it": lambda: haptune.verify(strange, log),
+        "trajectory: {}a log, as load_trajectory reads": lambda: haptune.verify(profile, strange),
+        "profile: {}a profile": lambda: haptune.export(strange, "c"),
+        "new: {}a device, as load_device reads it or a profile": lambda: compare(device, strange),
+        "extra_delay_samples: {}a number": lambda: audit(
+            device, Effects(damping=9.0), extra_delay_samples=strange
+        ),
+    }
+    kind = type(strange)
+    if kind.__name__ != "NoneType":
+        calls["device: {}a device"] = lambda: haptune.check("profile.yaml", strange)
+        calls["hardware: {}hardware, as"] = lambda: haptune.identify(log, hardware=strange)
+    if not issubclass(kind, str | Path):
+        calls["reference: {}the name of a file"] = lambda: load_device(strange)
+        calls["path: {}the name of a file"] = lambda: load_profile(strange)
+        calls["scene: {}the name of a file or a scene"] = lambda: haptune.calibrate(log, strange)
+    for words, call in calls.items():
+        with pytest.raises(UsageError) as refused:
+            call()
+        assert words.format(f"is of type {kind.__name__}. Give ") in str(refused.value)
+    with pytest.raises(UsageError, match=r"logs: .*(is no log that was read|none given)"):
+        haptune.identify(strange)
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    one: Any = np.float32(1)
+    assert audit(load_device("homerehab"), Effects(damping=3.0), extra_delay_samples=one).safe

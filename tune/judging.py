@@ -13,12 +13,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations_with_replacement
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, Fact, Tabular, UsageError, as_stored, parse_document, to_mapping
+from identification import Device, Tabular, UsageError, as_stored, parse_document, to_mapping, typed
 from tune.certificate.certify import certify, refusal_of
 from tune.documents import CheckFailedError, refuse_unknown
 from tune.documents.changes import Change, Interval, changes_of, exact, renamed, stated
@@ -59,7 +59,7 @@ Word = Literal[
     "device", "stability", "gain-margin", "delay-margin", "force", "ripple", "lead", "certificate"
 ]
 #: What stability rests on; force limit and encoder are judged against where they are stated.
-NEEDED: tuple[Fact, ...] = ("motion", "sample_time", "delay")
+NEEDED: Final = ("motion", "sample_time", "delay")
 #: The one element of the scene that an audit makes of the gains.
 ELEMENT = "gains"
 #: A lead is stated in four digits.
@@ -148,6 +148,7 @@ class Audit(Tabular):
         return not self.faults and self.certificate is not None
 
 
+@typed
 def audit(
     device: Device,
     effects: Effects,
@@ -190,7 +191,7 @@ def audit(
     if like is not None:
         refuse_unknown("like", "element", like[1], like[0].elements)
     filters = filters or Filters()
-    later = to_mapping(_as_judged(device, extra_delay_samples))
+    later = to_mapping(_as_judged(device, float(extra_delay_samples)))
     device = parse_document(Device, later, "the device with its extra delay")
     scene = parse_document(
         Scene, _scene_of(effects, filters, margin, like), "the gains and filters"
@@ -428,6 +429,7 @@ class Comparison(Tabular):
         return not self.failures if self.judged else None
 
 
+@typed
 def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     """Compare two devices, two profiles, or an old profile with a new device.
 
@@ -450,8 +452,7 @@ def compare(old: Device | SafeProfile, new: Device | SafeProfile) -> Comparison:
     called = renamed(before, after)
     if isinstance(old, Device):
         if isinstance(new, SafeProfile):
-            seen = "the old file is a device, the new one a profile"
-            raise UsageError("OLD NEW", seen, "Swap them")
+            raise UsageError("OLD NEW", "are a device and a profile", "Swap them")
         felt = tuple(_felt(old, after))
         return Comparison(kind="devices", changes=changes, felt=felt, renamed=called)
     failures, gain, nearly = tuple[str, ...](), old.margin.gain, False

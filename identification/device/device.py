@@ -46,7 +46,7 @@ from identification.device.quantities import (
     widening,
 )
 from identification.documents import Document, load_document
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, typed
 from identification.trajectory import NORMAL_95, Motion
 
 #: kg (kg·m²): a milligram at a lever of a millimetre.
@@ -521,6 +521,7 @@ def named_devices() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _FOLDER.glob("*.yaml")))
 
 
+@typed
 def load_device(reference: str | PathLike[str]) -> Device:
     """A device from a file, or a named one. Raises InvalidInputError."""
     name, path = fspath(reference), Path(reference)

@@ -36,6 +36,7 @@ from identification.errors import (
     QuestionError,
     printable,
     refusal,
+    typed,
 )
 from identification.readers.columns import (
     FloatArray,
@@ -86,6 +87,7 @@ _SHORTEST_STEP = 1e-7
 _UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
 
 
+@typed
 def load_log(
     path: str | PathLike[str],
     columns: LogColumns | None = None,
@@ -114,6 +116,7 @@ def load_log(
     return Trajectories(axes=tuple(several))
 
 
+@typed
 def load_trajectory(
     path: str | PathLike[str],
     columns: LogColumns | None = None,

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from identification import Device, to_mapping
+from identification import Device, to_mapping, typed
 from tune.certificate.absolute import clamped_combinations, judge_switched
 from tune.certificate.certify import (
     certify,
@@ -124,6 +124,7 @@ class CheckReport:
     certificate: Certificate
 
 
+@typed
 def check(path: str | PathLike[str], device: Device | None = None) -> CheckReport:
     """Check a profile file.
 

@@ -18,6 +18,7 @@ from identification import (
     parse_document,
     to_mapping,
     to_yaml,
+    typed,
 )
 from tune.documents import CheckFailedError
 from tune.documents.estimators import (
@@ -521,6 +522,7 @@ def digest_of(content: Mapping[str, Any]) -> str:
     return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
 
 
+@typed
 def load_profile(path: str | PathLike[str]) -> SafeProfile:
     """Read a profile and compare its digest before believing anything else in it.
 

@@ -21,7 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from identification import AnyQuantity, Document, load_document, quantity
+from identification import AnyQuantity, Document, load_document, quantity, typed
 from tune.documents.estimators import (
     DERIVATIVES,
     DIFFERENCES,
@@ -608,6 +608,7 @@ class Scene(ElementSets):
         )
 
 
+@typed
 def load_scene(path: str | PathLike[str]) -> Scene:
     """Read and validate a scene file. Raises InvalidInputError."""
     return load_document(Scene, path)

@@ -16,7 +16,7 @@ from typing import Any, Literal, NotRequired, cast, get_args
 # pydantic reads this one on every Python; it is part of what pydantic itself needs.
 from typing_extensions import TypedDict
 
-from identification import InvalidInputError, UsageError, to_mapping
+from identification import InvalidInputError, UsageError, to_mapping, typed
 from tune.documents import refuse_unknown
 from tune.documents.estimators import Derivative, Estimator, filter_of
 from tune.documents.profile import ElementProfile, LoopProfile, SafeProfile, signed_content
@@ -525,6 +525,7 @@ _WRITERS: dict[Target, Callable[[SafeProfile], dict[str, str]]] = {
 }
 
 
+@typed
 def export(profile: SafeProfile, target: Target, *, node: str = "haptune") -> dict[str, str]:
     """Texts of the files of one target, by file name.
 

@@ -18,6 +18,7 @@ from identification import (
     parse_document,
     quantity,
     to_mapping,
+    typed,
 )
 from tune.certificate.certify import (
     certify,
@@ -97,6 +98,7 @@ _UNPROVED = (
 )
 
 
+@typed
 def optimise(
     device: Device,
     scene: Scene,
@@ -417,6 +419,7 @@ class CandidateEffect:
     limited_by: LimitedBy
 
 
+@typed
 def candidates(
     device: Device,
     scene: Scene,
@@ -524,6 +527,7 @@ class Alternative:
     reason: str | None = None
 
 
+@typed
 def what_if(
     device: Device,
     scene: Scene,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from identification import (
     identify,
     load_document,
     load_log,
+    typed,
 )
 from tune.documents.perception import perception_of
 from tune.documents.profile import SafeProfile
@@ -24,6 +25,7 @@ from tune.optimisation import optimise
 File = str | PathLike[str]
 
 
+@typed
 def calibrate(
     logs: File | Trajectory | Trajectories | Sequence[File | Trajectory | Trajectories],
     scene: File | Scene,
@@ -61,7 +63,7 @@ def calibrate(
             return log
         return load_log(log, columns, motion=motion, axis=axis, axes=axes)
 
-    given = [logs] if isinstance(logs, str | PathLike | Trajectory | Trajectories) else logs
+    given = [logs] if isinstance(logs, str) or not isinstance(logs, Iterable) else logs
     device = identify([read(each) for each in given], hardware=known, method=method, allow=allow)
     wish = scene if isinstance(scene, Scene) else load_scene(scene)
     beside = Path() if isinstance(scene, Scene) else Path(scene).parent

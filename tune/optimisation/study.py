@@ -7,7 +7,7 @@ next that is left. What fails is a row with its exit code and sentence, and stop
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -76,8 +76,9 @@ def study(
     for margin in margins or ():
         if margin not in MARGINS:
             raise UsageError("margins", f"{margin!r} is none", f"Choose from {', '.join(MARGINS)}")
-    if workers == 0:
-        raise UsageError("workers", "0 do no work", "Give 1 or more, or -1 for one a processor")
+    if workers % 1 or (workers < 1 and workers != -1):
+        seen = f"{workers} do no work"
+        raise UsageError("workers", seen, "Give 1 or more, or -1 for one a processor")
     wishes = [
         (name, *_scene_with_table(scene, table)) for name, scene in _named(scenes, _scene_name)
     ]
@@ -97,7 +98,7 @@ def study(
 
 def _named(given: Any, name_of: Callable[[Any], str]) -> list[tuple[str, Any]]:
     """What is to be studied, each with its name."""
-    if isinstance(given, str | PathLike | Scene | Device):
+    if isinstance(given, str | Scene | Device) or not hasattr(given, "__iter__"):
         given = (given,)
     return [*(given.items() if isinstance(given, Mapping) else ((name_of(x), x) for x in given))]
 
@@ -107,7 +108,7 @@ def _device_name(given: Device | File) -> str:
 
 
 def _scene_name(given: Scene | File) -> str:
-    return given.name if isinstance(given, Scene) else fspath(given)
+    return given.name if isinstance(given, Scene) else str(given)
 
 
 def _scene_with_table(

@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification import Finding, LogRefusedError, Trajectories, Trajectory, UsageError
+from identification import (
+    Finding,
+    LogRefusedError,
+    Trajectories,
+    Trajectory,
+    UsageError,
+    typed,
+)
 from tune.certificate.certify import refuse_unbalanced
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
@@ -197,6 +204,7 @@ class Verification:
         )
 
 
+@typed
 def verify(
     profile: Design,
     trajectory: Trajectory | Trajectories,

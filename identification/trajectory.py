@@ -89,8 +89,8 @@ class Trajectory:
 
     Raises:
         LogRefusedError: too-short, non-finite, clock-backward or constant-column.
-        UsageError: another kind of motion.
-        ValueError: arrays that are not real, not one-dimensional or not of one length.
+        UsageError: another kind of motion, or columns that are not real, not one-dimensional or not
+            of one length.
     """
 
     time: FloatArray
@@ -114,12 +114,12 @@ class Trajectory:
         for name in ("time", "force", "position", "reference"):
             column = getattr(self, name)
             if np.iscomplexobj(column):
-                raise ValueError(f"columns must be real numbers, and {name} is complex")
-            if column is not None:
+                raise UsageError(name, "is complex", "Give real numbers")
+            if name != "reference" or column is not None:
                 object.__setattr__(self, name, _frozen(column))
         if any(column.shape != (self.time.size,) for _, column in self.columns()):
             shapes = {name: column.shape for name, column in self.columns()}
-            raise ValueError(f"columns must be one-dimensional and of one length, not {shapes}")
+            raise UsageError("columns", f"have shapes {shapes}", "Give one dimension, one length")
         findings = _defects(self)
         if findings:
             raise LogRefusedError(tuple(each.of(self.source) for each in findings))

@@ -361,6 +361,7 @@ def test_a_point_that_is_not_finite_is_told_so_and_changes_no_other(strange: flo
     among = np.where(np.arange(40) == 7, strange, K)
     spring, others = Effects(stiffness=among), np.delete(np.arange(40), 7)
     assert not is_stable(loop, spring)[7]
+    assert np.isnan(stable_gains(loop, spring).high[0, 7])
     for found, whole in (
         (gain_interval(loop, spring).low, gain_interval(loop, Effects(stiffness=K)).low),
         (gain_interval(loop, spring).high, gain_interval(loop, Effects(stiffness=K)).high),

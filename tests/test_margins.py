@@ -7,6 +7,7 @@ from math import exp, pi
 import numpy as np
 import pytest
 from flint import acb, arb
+from numpy.typing import ArrayLike
 
 from identification import Device
 from tests import general_loops
@@ -16,6 +17,7 @@ from tune import (
     Effects,
     Filters,
     Loop,
+    LoopError,
     count_jump,
     damping_needed,
     force_ripple,
@@ -248,3 +250,10 @@ def test_one_count_commands() -> None:
     # One pole takes its share of a jump at once: 1 - exp(-2π·f·T).
     low = count_jump(Effects(damping=10.0), 1e-3, 6e-6, Filters(velocity_filter_hz=50.0))
     assert low["damping"] == pytest.approx(0.06 * -np.expm1(-0.1 * np.pi), rel=1e-12)
+
+
+@pytest.mark.parametrize("strange", [np.nan, np.inf, [9.0, 8.0]])
+def test_margins_of_what_is_not_one_finite_loop_are_refused(strange: ArrayLike) -> None:
+    one = Loop.from_numbers(mass=3.0, damping=10.0, sample_time=1e-3)
+    with pytest.raises(LoopError, match="margins are those of one loop with one finite value"):
+        margins_of(one, Effects(damping=strange))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.documents import LoopError
 from tune.documents.scene import Effects
 from tune.loop.loop import ClosedLoop, Loop, closed_loop
 from tune.loop.polynomials import peak, positive_roots, slope, squared_modulus, value_at
@@ -65,7 +66,15 @@ def margins_of(loop: Loop, effects: Effects) -> LoopMargins:
         loop: of shape (), scaled by mass and sample time; the poles of a filter count even where
             its effect is absent, so leave such a filter out of the loop.
         effects: single values; None marks an effect that is not there.
+
+    Raises:
+        LoopError: several loops or values, or one that is not finite.
     """
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told so
+        closed, _ = loop.polynomial(effects)
+    if closed.ndim > 1 or not np.isfinite(closed).all():
+        seen = f"{effects} on {loop}"
+        raise LoopError(f"margins are those of one loop with one finite value each, not of {seen}")
     one = closed_loop(loop, effects)
     with np.errstate(divide="ignore", invalid="ignore"):
         # Im s in [-π/T, π/T]; -∞ for z = 0.

@@ -402,7 +402,8 @@ def stable_gains(loop: Loop, effects: Effects) -> Intervals:
         Ends of shape (intervals, *shape), ascending; unused entries are nan.
     """
     ratio = None if loop.factors is None else _ratio(loop, loop.factors, Effects(), effects)
-    return stable_intervals(*_by_gain(loop, effects), ratio)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told so
+        return stable_intervals(*_by_gain(loop, effects), ratio)
 
 
 def _by_gain(loop: Loop, effects: Effects) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -15,12 +15,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from itertools import product
+from itertools import chain, count, product
 
 import numpy as np
 
 from identification import Device, quantity
 from tune.certificate.certify import refuse_unbalanced
+from tune.certificate.claims import excess_over_request, impedances
+from tune.certificate.region import setting_of
 from tune.documents import LoopError
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import Effects
@@ -361,6 +363,8 @@ def _outcome(profile: Design, allowed: ConsistentLoops, kept: Kept) -> Outcome:
 _GAINS = (0.1, 0.2, 0.3, 0.5, 0.7, 0.8, 0.9, 1.0)
 #: Other elements that are tried where an element's own motion does not tell.
 _MOST_OTHERS = 5
+#: Parts of a wall's damping, and of its stiffness, of which a spring that would tell has one.
+_PARTS_OF_WALLS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.1)
 #: Half-width of the measured frequency and decay as they are usually found, relative.
 _USUAL_HALF = 0.02
 #: Planning looks at whole samples of delay.
@@ -413,7 +417,7 @@ def advise(
         key=lambda each: (each[0] in profile.walls, -profile.elements[each[0]].stiffness),
     )
     walls = [each for each in singles if each[0] in profile.walls][:_MOST_OTHERS]
-    pulling = _pulling(profile)
+    springs = [(each, cache(partial(_allowed_loops, each))) for each in _springs(profile, walls)]
     allowed = cache(partial(_allowed_loops, profile))
     found: list[Advice] = []
     for number, target in enumerate(targets, 1):
@@ -424,22 +428,43 @@ def advise(
         if play is None:
             others = [each for each in singles if each != target][:_MOST_OTHERS]
             play, _ = _least_play(profile, others, target, allowed)
-        added = None if play else _least_play(pulling, walls, target, allowed)[0]
-        add = "" if added is None else _as_in_a_scene(effects_of(profile, added.elements))
+        told = (
+            each
+            for each, loops in springs
+            if _least_play(each, [(next(reversed(each.elements)),)], target, loops)[0]
+        )
+        add = "" if play else next(map(_as_in_a_scene, told), "")
         found.append(Advice(elements=target, play=play, why=why, add=add))
     return tuple(found)
 
 
-def _pulling(profile: Design) -> Design:
-    """A profile whose walls pull too."""
-    elements = profile.elements.items()
-    pulling = {name: each.model_copy(update={"one_sided": False}) for name, each in elements}
-    return profile.model_copy(update={"elements": pulling})
+def _springs(profile: Design, walls: Sequence[Combination]) -> list[Design]:
+    """The profile with a spring more, of a name not in use: such as may be had, and pulls too.
+
+    With a wall's damping or parts of it, as stiff as a hand gets what is asked for, at most as the
+    wall: less damping swings longer.
+    """
+    found: list[Design] = []
+    names = chain(["spring"], (f"spring_{number}" for number in count(2)))
+    free = next(name for name in names if name not in profile.elements)
+    for part, (wall, *_) in product(_PARTS_OF_WALLS, walls):
+        own = profile.elements[wall]
+        for stiffness in own.stiffness * np.array(_PARTS_OF_WALLS):
+            sizes = {"stiffness": float(stiffness), "damping": part * own.damping}
+            spring = own.model_copy(update={**sizes, "one_sided": False})
+            trial = profile.model_copy(update={"elements": {**profile.elements, free: spring}})
+            setting = setting_of(trial, (free,))
+            if setting and not excess_over_request(trial, free, impedances(trial, setting)):
+                found.append(trial)
+                break
+    return found
 
 
-def _as_in_a_scene(effects: Effects) -> str:
-    sizes = (f"{name}: {float(size):.4g}" for name, size in effects.present().items())
-    return f"spring: {{{', '.join(sizes)}}}"
+def _as_in_a_scene(profile: Design) -> str:
+    """The last element, as stiff as may be."""
+    name, spring = [*profile.elements.items()][-1]
+    damping = f", damping: {spring.damping:.4g}" * bool(spring.damping)
+    return f"{name}: {{stiffness: max{damping}}}"
 
 
 def _least_play(

@@ -646,6 +646,11 @@ FAULTS: tuple[Fault, ...] = (
             "return np.inf",
         ),
     ),
+    *_of(
+        "tune/certificate/poles.py",
+        "tests/test_optimise.py -k threads",
+        ("balls of one thread at a time", "with _ALONE:", "if _ALONE:"),
+    ),
     # Sampled motion, estimates, intervals and what is believed.
     *_of(
         "tune/loop/loop.py",

@@ -1,11 +1,13 @@
 """Tuning against closed forms, brute force, relaxed limits and true devices."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from itertools import permutations, product
 from typing import Any
 
 import numpy as np
 import pytest
-from flint import arb
+from flint import arb, ctx
 
 from identification import Device, load_device, quantity
 from tests.felt import beyond, felt
@@ -417,3 +419,18 @@ def test_no_safe_trade_of_one_effect_for_another_has_a_larger_product(
             less: scales[less].value_at(left, 1),
         }
         assert faults(sizes | traded) != [], traded
+
+
+def test_threads_find_what_one_finds_and_leave_the_precision_of_balls_as_it_was() -> None:
+    device, before, usual = load_device("homerehab"), ctx.prec, sys.getswitchinterval()
+    scene = Scene.model_validate({"elements": {"water": {"damping": 10.0}}})
+    alone = optimise(device, scene)
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(3) as threads:
+            found = [*threads.map(lambda _: optimise(device, scene), range(6))]
+    finally:
+        sys.setswitchinterval(usual)
+        after, ctx.prec = ctx.prec, before
+    assert after == before
+    assert {each.digest for each in found} == {alone.digest}

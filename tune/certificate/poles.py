@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import RLock
 from typing import Literal
 
 import numpy as np
@@ -24,16 +25,19 @@ Balls = NDArray[np.object_]
 
 #: Bits of every ball. The printed plant loses 2·log2(1/δ) of them: 80 at δ = 1e-12.
 _BITS = 400
+#: The precision is that of the process: one thread at a time.
+_ALONE = RLock()
 
 
 @contextmanager
 def precision() -> Generator[None]:
     """Balls of `_BITS` bits inside, whatever the caller had outside."""
-    outside, ctx.prec = ctx.prec, _BITS
-    try:
-        yield
-    finally:
-        ctx.prec = outside
+    with _ALONE:
+        outside, ctx.prec = ctx.prec, _BITS
+        try:
+            yield
+        finally:
+            ctx.prec = outside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

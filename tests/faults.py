@@ -1292,6 +1292,12 @@ FAULTS: tuple[Fault, ...] = (
         ("walls without a spring face none", "        and element.stiffness  #", "        #"),
     ),
     *_of(
+        "tune/judging.py",
+        "tests/test_audit.py -k in_its_hand",
+        ("the hand of whose profile it is", ', "hand": like[0].hand or "none"', ""),
+        ("the margin of whose profile it is", "like[0].margin.name", '"balanced"'),
+    ),
+    *_of(
         "tune/cli/settling.py",
         "tests/test_rehearse.py -k sake",
         ("what is whole again is rehearsed too", "continue", "return profile"),

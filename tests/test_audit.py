@@ -94,6 +94,25 @@ def test_a_wall_of_a_profile_is_judged_as_a_wall_that_is_cut(tmp_path: Path) -> 
     assert "door is no element of it" in strange.err
 
 
+def test_elements_of_a_profile_are_judged_with_its_margin_and_in_its_hand(tmp_path: Path) -> None:
+    """What is safe with the usual margin is not, where its profile keeps more."""
+    sides = {"mass": (0.0, 0.1), "damping": (0.0, 1.0), "stiffness": (100.0, 3000.0)}
+    hand = {n: {"value": high, "low": low, "high": high} for n, (low, high) in sides.items()}
+    wanted = {"margin": "conservative", "hand": hand, "elements": {"rubber": {"stiffness": 900.0}}}
+    path = tmp_path / "profile.yaml"
+    path.write_text(optimise(load_device("homerehab"), Scene.model_validate(wanted)).to_yaml())
+    like, gains = ("--like", f"{path},rubber"), ("--stiffness", "900")
+    own = haptune("audit", "homerehab", *like)
+    assert own.code == 0, own.err
+    assert "safe with margin conservative" in own.out
+    assert "taken on trust: the device alone, and with any hand within" in own.out
+    plain = haptune("audit", "homerehab", *gains)
+    assert "safe with margin balanced" in plain.out
+    assert "taken on trust: no hand: the device alone" in plain.out
+    assert haptune("audit", "homerehab", *gains, *like).code == 6
+    assert haptune("audit", "homerehab", *gains, *like, "--margin", "firm").code == 0
+
+
 def test_a_wall_that_shares_the_peak_is_judged_as_cut_at_its_own_level() -> None:
     """Of 28 N at the peak rubber takes 5 N, 1 cm deep; half of the rest is for each of them."""
     loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}

@@ -154,12 +154,12 @@ def audit(
     effects: Effects,
     *,
     filters: Filters | None = None,
-    margin: MarginName = "balanced",
+    margin: MarginName | None = None,
     extra_delay_samples: float = 0.0,
     like: tuple[Design, str] | None = None,
     proved: bool = True,
 ) -> Audit:
-    """Judge K, B and M as one element of a scene, met alone, no hand.
+    """Judge K, B and M as one element of a scene, met alone.
 
     Stability rests on motion, sample time and delay, which have to be stated. Force and ripple are
     judged where force limit and encoder are stated too, never against what a log suggests.
@@ -168,11 +168,11 @@ def audit(
         device: with its intervals.
         effects: numbers; zero is the same as absent.
         filters: of the controller; None is plain backward differences.
-        margin: what is asked for.
+        margin: what is asked for; None is that of the profile, balanced without one.
         extra_delay_samples: on top of the device's delay, from now on part of it.
         like: a profile and the name of its element as which they are judged: a wall, cut at its
-            level of force, in its motion, rippling and met before its face as much as is allowed
-            there. None is an element that is neither, in the usual motion.
+            level of force, in its motion and hand, rippling and met before its face as much as is
+            allowed there. None is an element that is neither, in the usual motion, in no hand.
         proved: False leaves out certificate and nearest safe values, which take most of the time;
             nothing is safe then.
 
@@ -191,6 +191,7 @@ def audit(
     if like is not None:
         refuse_unknown("like", "element", like[1], like[0].elements)
     filters = filters or Filters()
+    margin = margin or ("balanced" if like is None else like[0].margin.name)
     later = to_mapping(_as_judged(device, float(extra_delay_samples)))
     device = parse_document(Device, later, "the device with its extra delay")
     scene = parse_document(
@@ -207,7 +208,7 @@ def audit(
     design = as_stored(design_of(task, filters, [solved], {}))
     late = design.elements[ELEMENT].margins.extra_delay_samples
     noise = ripple(problem, combination, sizes) if stable else None
-    refusal = refusal_of(device)
+    refusal = refusal_of(device, held=design.hand is not None)
     level = design.elements[ELEMENT].force_level
     if like is not None:
         level = min(level, like[0].elements[like[1]].force_level or level)
@@ -324,7 +325,7 @@ def _scene_of(
         asked |= {"one_sided": element.one_sided, **to_mapping(element.motion)}
         if element.lead is not None and not _wants_its_damping(*like):
             asked["lead"] = element.lead
-        scene["ripple_limit"] = like[0].ripple_limit
+        scene |= {"ripple_limit": like[0].ripple_limit, "hand": like[0].hand or "none"}
     return scene | {"elements": {ELEMENT: asked}}
 
 

@@ -71,14 +71,14 @@ def audit_command(
         str | None,
         Option(
             metavar="PROFILE,ELEMENT",
-            help="Judged as this element is: a wall, in its motion; by its gains, and the filters "
-            "of its profile, where none are given.",
+            help="Judged as this element is: a wall, in its motion and hand; by its gains, and the "
+            "filters and margin of its profile, where none are given.",
         ),
     ] = None,
     picture: Picture = None,
 ) -> None:
     """Are these gains safe, why not, and the nearest safe ones; exit code 6 if they are not."""
-    from tune.certificate.certify import trusted_facts
+    from tune.certificate.certify import NO_HAND, WITH_HAND, trusted_facts
     from tune.documents.scene import Effects
     from tune.judging import NEEDED, audit
     from tune.loop.loop import Filters, filters_of
@@ -99,12 +99,13 @@ def audit_command(
             known,
             Effects(**wanted),
             filters=filters,
-            margin=margin or "balanced",
+            margin=margin,
             extra_delay_samples=extra_delay_samples,
             like=model,
         )
     session.details |= _audit_details(found)
-    session.details["taken_on_trust"] = trusted = trusted_facts(found.design.device)
+    hand = NO_HAND if found.design.hand is None else WITH_HAND
+    session.details["taken_on_trust"] = trusted = *trusted_facts(found.design.device), hand
     wrong = " and ".join(dict.fromkeys(fault.limit for fault in found.faults))
     proved = f"safe with margin {found.design.margin.name}, proved over the whole box"
     verdict = f"NOT SAFE: {wrong}" if wrong else proved

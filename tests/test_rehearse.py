@@ -195,6 +195,20 @@ def test_nothing_is_less_for_the_sake_of_what_is_not_felt_so(tmp_path: Path, alo
     assert note.endswith(". Keep it apart (apart:, not together:) from wall, or leave it out")
 
 
+def test_what_is_not_felt_where_it_settles_is_refused_with_the_rehearsal(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    mist = "{mist: {damping: {min: 0.5, max: 3}}}"
+    scene.write_text(f"schema: haptune/scene/1\nname: pool\nelements: {mist}\n")
+    shakes = RestlessError({("mist",): "shakes."})
+    with mock.patch("tune.cli.settling.refuse_restless", side_effect=shakes):
+        ended = haptune("tune", "homerehab", str(scene), "-o", str(tmp_path / "profile.yaml"))
+    assert ended.code == 5
+    said = " ".join(ended.err.split())
+    assert "mist.damping: with more of it mist did not settle in simulation; 2.1 would be" in said
+    assert said.endswith("which is 2.67. Leave it out")
+    assert "range" not in said
+
+
 def test_what_was_told_apart_stays_so_where_less_is_asked_for(tmp_path: Path) -> None:
     """Less of the water is not to cost the wall that is never met with it, nor minutes."""
     scene, path = tmp_path / "scene.yaml", tmp_path / "profile.yaml"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 import identification as ident
 from tune.cli.preparation import RestlessError, refuse_restless
+from tune.documents import NoFeasibleEffectError
 
 if TYPE_CHECKING:
     from identification import Device
@@ -33,7 +34,11 @@ def optimise_to_rest(
     parts, vetoed = iter(_LESS), set[tuple[str, ...]]()
     while True:
         with session.progress() as say:
-            profile = optimise(device, scene, table=table, progress=say)
+            try:
+                profile = optimise(device, scene, table=table, progress=say)
+            except NoFeasibleEffectError as error:
+                reasons = _of_lost(error.reasons, _cuts(wanted, scene), vetoed)
+                raise NoFeasibleEffectError(tuple(reasons)) from error
             whole = _with_lost(asked, scene, profile)
             if whole != asked:
                 asked, scene, parts = whole, whole, iter(_LESS)
@@ -77,14 +82,14 @@ def _naming_rehearsal(
     from tune.certificate.check import note_of_rehearsal
     from tune.documents.scene import groups_of
 
-    elements, notes = {**profile.elements}, list(profile.notes)
-    for name, effect in _cuts(asked, less):
+    elements, cuts = {**profile.elements}, _cuts(asked, less)
+    notes = _of_lost(profile.notes, cuts, vetoed)
+    for name, effect in cuts:
         label, words = f"{name}.{effect}", elements[name].limited_by
-        if words[effect] == "range":
+        if words.get(effect) == "range":
             words = {**words, effect: "stability"}
             elements[name] = elements[name].model_copy(update={"limited_by": words})
             notes.append(note_of_rehearsal(label))
-        notes = [_of_lost(note, name, label, vetoed) for note in notes]
     for pair in set(profile.apart).difference(groups_of(asked.elements, asked.apart)):
         said = note_of_apart(pair)
         notes += [said] * (said not in notes and all(elements[name].acting for name in pair))
@@ -92,22 +97,28 @@ def _naming_rehearsal(
     return ident.as_stored(told).signed()
 
 
-def _of_lost(note: str, name: str, label: str, vetoed: Collection[tuple[str, ...]]) -> str:
-    """The note about an effect of which less, that settles, is not felt: what took it, and help."""
-    from tune.certificate.certify import note_of_dropped
+def _of_lost(
+    texts: Sequence[str], cuts: Sequence[tuple[str, str]], vetoed: Collection[tuple[str, ...]]
+) -> list[str]:
+    """Notes and reasons; of an effect of which less, that settles, is not felt: what took it."""
+    from tune.certificate.certify import note_of_dropped, note_of_unmet
 
-    begun, end = note_of_dropped(label), ", limited by range"
-    if not note.startswith(begun) or end not in note:
-        return note
-    own = sorted({each for each in vetoed if name in each} or vetoed, key=len)
-    own = [each for n, each in enumerate(own) if not any({*less} < {*each} for less in own[:n])]
-    mates = " and ".join(dict.fromkeys(each for names in own for each in names if each != name))
-    remedy = "Ask for more damping beside it"
-    if mates:
-        remedy = f"Keep it apart (apart:, not together:) from {mates}"
-    less, met = note.removeprefix(begun).partition(end)[0], ", ".join(map(" + ".join, own))
-    why = f"with more of it {met} did not settle in simulation; {less}"
-    return f"{begun}{why}. {remedy}, or leave it out"
+    told, end = list(texts), ", limited by range"
+    for name, effect in cuts:
+        own = sorted({each for each in vetoed if name in each} or vetoed, key=len)
+        own = [each for n, each in enumerate(own) if not any({*few} < {*each} for few in own[:n])]
+        mates = " and ".join(dict.fromkeys(each for names in own for each in names if each != name))
+        remedy = "Leave it out" + ", or ask for more damping beside it" * (effect != "damping")
+        if mates:
+            remedy = f"Keep it apart (apart:, not together:) from {mates}, or leave it out"
+        why = f"with more of it {', '.join(map(' + '.join, own))} did not settle in simulation; "
+        label = f"{name}.{effect}"
+        for begun in (note_of_dropped(label), note_of_unmet(label)):
+            for place, text in enumerate(told):
+                if text.startswith(begun) and end in text:
+                    less = text.removeprefix(begun).partition(end)[0]
+                    told[place] = f"{begun}{why}{less}. {remedy}"
+    return told
 
 
 def _with_less(

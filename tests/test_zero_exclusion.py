@@ -101,7 +101,7 @@ def safe_gain(region: Region, setting: Setting, extra: float = EXTRA) -> float:
         for index, end in zip(free, corner, strict=True):
             values[index, column] = sides[index][end]
     points = [region.point(column[:-1], float(column[-1])) for column in values.T]
-    loops = sampled_loops(region, setting, values[:-1], values[-1])
+    loops = sampled_loops(region, [setting], values[:-1], values[-1])
 
     def stable(gain: float) -> bool:
         return all(judge(point, setting, gain).answer == "stable" for point in points)
@@ -133,7 +133,7 @@ def unstable_samples(
     bad = 0
     for chunk in np.array_split(np.arange(count), max(1, count // 1000)):
         values: NDArray[np.float64] = low * (1 - parts[:, chunk]) + high * parts[:, chunk]
-        loops = sampled_loops(region, setting, values[:-1], values[-1])
+        loops = sampled_loops(region, [setting], values[:-1], values[-1])
         for gain in (claim.gain, claim.gain * float(rng.uniform(0.05, 1))):
             for index in np.flatnonzero(loops.radius(gain) > 1 - 1e-9)[:5]:
                 point = region.point(values[:-1, index], float(values[-1, index]))

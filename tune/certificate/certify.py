@@ -28,7 +28,7 @@ from tune.certificate.claims import (
     ripple_failures,
 )
 from tune.certificate.region import Point, Region, Setting, regions_of, setting_of
-from tune.certificate.worst_point import WorstCase, worst_points
+from tune.certificate.worst_point import WorstCase, worst_points, worst_points_of_all
 from tune.certificate.zero_exclusion import Claim, Proof, prove
 from tune.documents import CheckFailedError
 from tune.documents.profile import (
@@ -381,7 +381,7 @@ def _judge_combinations(
     judged = [
         _CombinationInRegion(combination=names, where=region.words(names)) for names, _ in played
     ]
-    searched = [worst_points(region, *each) for each in asked]
+    searched = worst_points_of_all(region, asked)
     for outcome, claims, found in zip(judged, named, searched, strict=True):
         for (claim, words), worst in zip(claims, found, strict=True):
             outcome.points += worst.judged

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from tune.documents.profile import Design, HandBox, HandPlace
 from tune.documents.scene import EFFECT_NAMES
 
 Interval = tuple[float, float]
+#: Settings examined in one run: more would take memory and save no time.
+_AT_ONCE = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +117,18 @@ class Setting:
             kind, order = self.acceleration_filter, self.acceleration_filter_order
             cutoff_hz = self.acceleration_filter_hz
         return cutoff_hz, order, kind == "tracking" and order == power + 2
+
+
+def groups_of_equal_effects(settings: Sequence[Setting]) -> list[list[int]]:
+    """Numbers of the settings that play the same effects, so many at most that suit one run."""
+    groups: dict[tuple[bool, ...], list[int]] = {}
+    for number, setting in enumerate(settings):
+        groups.setdefault(tuple(map(bool, setting.sizes)), []).append(number)
+    return [
+        numbers[start : start + _AT_ONCE]
+        for numbers in groups.values()
+        for start in range(0, len(numbers), _AT_ONCE)
+    ]
 
 
 def setting_of(design: Design, combination: tuple[str, ...]) -> Setting | None:

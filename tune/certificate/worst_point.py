@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.poles import Verdict, judge, law_in_doubles
-from tune.certificate.region import Point, Region, Setting
+from tune.certificate.region import Point, Region, Setting, groups_of_equal_effects
 from tune.certificate.time_domain import held_motion, state_space
 from tune.certificate.zero_exclusion import Claim
 
@@ -71,8 +71,18 @@ class Loops:
 
 # What doubles cannot hold is looked at in many digits.
 @np.errstate(over="ignore", invalid="ignore")
-def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: FloatArray) -> Loops:
-    """Loops at points of a region: one column of values a point, rows as in `Region.sides`."""
+def sampled_loops(
+    region: Region,
+    settings: Sequence[Setting],
+    values: FloatArray,
+    extra: FloatArray,
+    which: NDArray[np.intp] | None = None,
+) -> Loops:
+    """Loops at points of a region: one column of values a point, rows as in `Region.sides`.
+
+    All settings play the same effects with the same filters; `which` tells that of each point, None
+    the first at all of them.
+    """
     motion, drive, read = state_space(region, values)
     step, delay = values[2], values[3]
     late = delay / step + extra
@@ -83,8 +93,9 @@ def sampled_loops(region: Region, setting: Setting, values: FloatArray, extra: F
     transition, old = after @ before, (after @ early[..., None])[..., 0]
     denominator, by_new, by_old = _resolvent(transition, read, new, old)
     numerator = np.pad(by_new, ((0, 0), (0, 1))) + np.pad(by_old, ((0, 0), (1, 0)))
-    top, bottom = _laws(setting, step)
-    if not setting.stiffness:
+    which = np.zeros(len(step), dtype=np.intp) if which is None else which
+    top, bottom = _laws(settings, which, step)
+    if not settings[0].stiffness:
         if region.grounded:
             top = _convolved(top, np.array([[1.0, -1.0]]))
         else:
@@ -124,11 +135,16 @@ def _resolvent(
     )
 
 
-def _laws(setting: Setting, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _laws(
+    settings: Sequence[Setting], which: NDArray[np.intp], step: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Numerator and denominator of the law of each point; a zero at z = 1 left out."""
     steps, at = np.unique(step, return_inverse=True)
-    laws = [_law_at(setting, float(each)) for each in steps]
-    return np.array([top for top, _ in laws])[at], np.array([low for _, low in laws])[at]
+    kinds, kind = np.unique(which * len(steps) + at, return_inverse=True)
+    numbers: list[int] = kinds.tolist()
+    pairs = [divmod(number, len(steps)) for number in numbers]
+    laws = [_law_at(settings[setting], float(steps[place])) for setting, place in pairs]
+    return np.array([top for top, _ in laws])[kind], np.array([low for _, low in laws])[kind]
 
 
 @lru_cache(maxsize=1024)
@@ -182,23 +198,44 @@ def worst_points(
     starts: FloatArray | None = None,
     thorough: int = 1,
 ) -> list[WorstCase]:
-    """Search a region for each of some claims, for which it climbs at once.
+    """Search a region for each of some claims.
 
     The starts are further points, one a column: the region's sides, then extra samples. Chance
     points and climbers are multiplied by `thorough`.
     """
-    if not claims:  # those of another combination cover all of these
-        return []
-    boxes = [_Box.of(region, claim) for claim in claims]
-    return [
-        _worst(region, setting, box, candidates)
-        for box, candidates in _climbed(region, setting, boxes, starts, thorough)
-    ]
+    return worst_points_of_all(region, [(setting, claims)], starts, thorough)[0]
+
+
+def worst_points_of_all(
+    region: Region,
+    asked: Sequence[tuple[Setting, Sequence[Claim]]],
+    starts: FloatArray | None = None,
+    thorough: int = 1,
+) -> list[list[WorstCase]]:
+    """Search a region for the claims of each of some settings of the same filters.
+
+    Settings that play the same effects climb at once, for what takes time is how often loops are
+    computed, not how many; see `worst_points`.
+    """
+    found: list[list[WorstCase]] = [[] for _ in asked]
+    for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
+        settings = [asked[number][0] for number in numbers]
+        boxes = [
+            _Box.of(region, which, claim)
+            for which, number in enumerate(numbers)
+            for claim in asked[number][1]
+        ]
+        if not boxes:  # claims of another group cover all of these
+            continue
+        for box, candidates in _climbed(region, settings, boxes, starts, thorough):
+            worst = _worst(region, settings[box.which], box, candidates)
+            found[numbers[box.which]].append(worst)
+    return found
 
 
 def _climbed(
     region: Region,
-    setting: Setting,
+    settings: Sequence[Setting],
     boxes: Sequence[_Box],
     starts: FloatArray | None,
     thorough: int,
@@ -212,8 +249,9 @@ def _climbed(
         """Loops at places of each box, the gain of each, and how many a box has."""
         counts = [each.shape[1] for each in places]
         values = np.hstack([box.unfolded(each) for box, each in zip(where, places, strict=True)])
+        which = np.repeat([box.which for box in where], counts)
         gain = np.repeat([box.claim.gain for box in where], counts)
-        return sampled_loops(region, setting, values[:-1], values[-1]), gain, counts
+        return sampled_loops(region, settings, values[:-1], values[-1], which), gain, counts
 
     loops, gain, counts = loops_at(boxes, parts)
     ends = np.cumsum(counts)[:-1]
@@ -242,15 +280,16 @@ def _climbed(
 class _Box:
     """The sides of a region and the extra delay of a claim."""
 
+    which: int  # number of the setting
     claim: Claim  # gain and extra delay
     low: FloatArray  # ends of the sides, the extra delay last
     high: FloatArray  # likewise
     free: NDArray[np.intp]  # sides that have a width
 
     @classmethod
-    def of(cls, region: Region, claim: Claim) -> _Box:
+    def of(cls, region: Region, which: int, claim: Claim) -> _Box:
         low, high = np.array((*region.sides(), (0.0, claim.extra))).T
-        return cls(claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
+        return cls(which=which, claim=claim, low=low, high=high, free=np.flatnonzero(high > low))
 
     def starts(self, more: FloatArray | None, thorough: int) -> FloatArray:
         """Where climbs may begin, parts of each free side, one a column."""

@@ -29,7 +29,7 @@ from tune.certificate.claims import (
 )
 from tune.certificate.region import Point, Region, Setting, regions_of, setting_of
 from tune.certificate.worst_point import WorstCase, worst_points, worst_points_of_all
-from tune.certificate.zero_exclusion import Claim, Proof, prove
+from tune.certificate.zero_exclusion import Claim, Proof, prove_all
 from tune.documents import CheckFailedError
 from tune.documents.profile import (
     AbsoluteStability,
@@ -390,10 +390,12 @@ def _judge_combinations(
             elif words == "margin":
                 outcome.worst = claim.gain, worst
     left = [n for n, outcome in enumerate(judged) if named[n] and not outcome.failures]
+    open_ = {n: rest for n in left if (rest := beyond(played[n][0], named[n]))}
+    to_prove = [(asked[n][0], [claim for claim, _ in rest]) for n, rest in open_.items()]
+    proofs = dict(zip(open_, prove_all(region, to_prove, most_cells), strict=True))
     for number in left:
         outcome, (setting, claims) = judged[number], asked[number]
-        rest = [claim for claim, _ in beyond(played[number][0], named[number])]
-        proof = prove(region, setting, rest, most_cells) if rest else Proof(proved=True, cells=0)
+        proof = proofs.get(number, Proof(proved=True, cells=0))
         outcome.cells, outcome.proved, outcome.spent = proof.cells, proof.proved, proof.spent
         if proof.proved:
             continue

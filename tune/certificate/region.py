@@ -12,6 +12,8 @@ from tune.documents.profile import Design, HandBox, HandPlace
 from tune.documents.scene import EFFECT_NAMES
 
 Interval = tuple[float, float]
+#: Stiffness, damping and mass, each a number or one of each cell, shape (cells,).
+Sizes = tuple[float | FloatArray, float | FloatArray, float | FloatArray]
 #: Settings examined in one run: more would take memory and save no time.
 _AT_ONCE = 64
 

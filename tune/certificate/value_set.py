@@ -41,7 +41,7 @@ from tune.certificate.affine import (
     reciprocal,
     sinc,
 )
-from tune.certificate.region import Setting
+from tune.certificate.region import Setting, Sizes
 
 #: Terms of the power series in θ; without the two nearest aliases they fall like 4^-m.
 _TERMS = 28
@@ -456,18 +456,22 @@ def value_set(
     theta: AffineForm,
     mechanism: Mechanism,
     setting: Setting,
+    sizes: Sizes | None = None,
     plant: SampledPlant | None = None,
 ) -> ValueSet:
     """Value set of D + s·N over cells of θ in [0, π] and of the mechanism.
 
-    The plant is that of this angle and mechanism, where it is known.
+    Sizes are of the effects that the setting plays, where they differ from cell to cell; the plant
+    is that of this angle and mechanism, where it is known.
     """
+    sizes = sizes or setting.sizes
+    stiffness = sizes[0]
     plant = plant or sampled_plant(theta, mechanism)
     s = theta * 1j
     seen, denominator, whole = plant.numerator, plant.denominator, plant.whole
-    rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting)
+    rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting, sizes)
     if setting.stiffness:
-        law = s * rate + setting.stiffness
+        law = s * rate + stiffness
     elif mechanism.grounded:
         law = s * rate
     else:
@@ -486,7 +490,7 @@ def value_set(
         late = modulus_bound(mechanism.delay + 0.5) + modulus_bound(whole) * modulus_bound(
             plant.aliases
         )
-        rising = real_lower_bound(seen * rate) - setting.stiffness * late
+        rising = real_lower_bound(seen * rate) - stiffness * late
     return ValueSet(fixed=whole, varied=varied, start=denominator * 1j, rising=rising)
 
 
@@ -537,8 +541,15 @@ def _clearance(form: AffineForm, unit: NDArray[np.complex128]) -> FloatArray:
     return centre - slopes - rest - ROUNDING * size
 
 
-def rate_of(theta: AffineForm, half_sinc: AffineForm, step: Term, setting: Setting) -> Term:
-    """(B·velocity + M·acceleration)/(jθ) per position."""
+def rate_of(
+    theta: AffineForm,
+    half_sinc: AffineForm,
+    step: Term,
+    setting: Setting,
+    sizes: Sizes | None = None,
+) -> Term:
+    """(B·velocity + M·acceleration)/(jθ) per position; sizes as of `value_set`."""
+    _, damping, mass = sizes or setting.sizes
     per_step = inverse(step)
     difference = (theta * 0.5).turn() * half_sinc
     rate: Term = 0.0
@@ -548,10 +559,10 @@ def rate_of(theta: AffineForm, half_sinc: AffineForm, step: Term, setting: Setti
             estimate = sinc(angle) * angle.turn()
         else:
             estimate = difference * _filtered(theta, difference, step, setting, 1)
-        rate = estimate * (per_step * setting.damping)
+        rate = estimate * (per_step * damping)
     if setting.mass:
         estimate = (difference * difference) * _filtered(theta, difference, step, setting, 2)
-        rate = rate + estimate * (theta * 1j) * (per_step * per_step * setting.mass)
+        rate = rate + estimate * (theta * 1j) * (per_step * per_step * mass)
     return rate
 
 

@@ -25,7 +25,7 @@ from tune.certificate.affine import (
     ends_of,
     inverse,
 )
-from tune.certificate.region import Interval, Region, Setting
+from tune.certificate.region import Interval, Region, Setting, Sizes, groups_of_equal_effects
 from tune.certificate.value_set import (
     Mechanism,
     excludes_zero,
@@ -219,7 +219,7 @@ def prove(
     and nothing.
     """
     region = region.merged()
-    corners = (setting, *others)
+    corners = [(each, each.sizes) for each in (setting, *others)]
     proof = decide(
         initial_cells(region, claims),
         lambda cells: _exclusion_test(region, corners, cells, or_nothing=or_nothing),
@@ -228,8 +228,61 @@ def prove(
     return proof if proof.doubt is None else replace(proof, doubt=values_of(region, proof.doubt))
 
 
+def prove_all(
+    region: Region, asked: Sequence[tuple[Setting, Sequence[Claim]]], most_cells: int
+) -> list[Proof]:
+    """One proof for each of some settings of the same filters, none of them nothing.
+
+    Settings that play the same effects are examined in one run, as what takes time is how often
+    cells are examined, not how many; where that run leaves a doubt, each of them has its own.
+    """
+    found: dict[int, Proof] = {}
+    for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
+        together = [asked[number] for number in numbers]
+        proofs = _proved_at_once(region, together, most_cells) if len(together) > 1 else None
+        if proofs is None:
+            proofs = [prove(region, *each, most_cells) for each in together]
+        found |= zip(numbers, proofs, strict=True)
+    return [found[number] for number in range(len(asked))]
+
+
+def _proved_at_once(
+    region: Region, asked: Sequence[tuple[Setting, Sequence[Claim]]], most_cells: int
+) -> list[Proof] | None:
+    """Proofs of settings that play the same effects, from one run; None if it leaves a doubt.
+
+    A further side of each cell, without a width, is the number of its setting.
+    """
+    region = region.merged()
+    parts = [initial_cells(region, claims) for _, claims in asked]
+    number = np.repeat(np.arange(len(asked), dtype=np.float64), [len(part) for part in parts])
+    sizes = np.array([setting.sizes for setting, _ in asked]).T
+    seen = np.zeros(len(asked), dtype=np.intp)
+
+    def examine(cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
+        which = cells.low[-1].astype(np.intp)
+        np.add.at(seen, which, 1)
+        plain = Cells(cells.low[:-1], cells.high[:-1])
+        stiffness, damping, mass = sizes[:, which]
+        played = (asked[0][0], (stiffness, damping, mass))
+        holds, pull = _exclusion_test(region, [played], plain)
+        return holds, np.vstack([pull, np.zeros(len(cells))])
+
+    begun = Cells(
+        np.vstack([np.hstack([part.low for part in parts]), number]),
+        np.vstack([np.hstack([part.high for part in parts]), number]),
+    )
+    if not decide(begun, examine, most_cells).proved:
+        return None
+    return [Proof(proved=True, cells=int(count)) for count in seen]
+
+
 def _exclusion_test(
-    region: Region, corners: Sequence[Setting], cells: Cells, *, or_nothing: bool
+    region: Region,
+    corners: Sequence[tuple[Setting, Sizes]],
+    cells: Cells,
+    *,
+    or_nothing: bool = False,
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """(no crossing in the cell, how much each side moves the loop).
 
@@ -242,7 +295,7 @@ def _exclusion_test(
     low, high = cells.low[1], cells.high[1]
     with np.errstate(all="ignore"):
         plant = sampled_plant(theta, mechanism)
-        found = [value_set(theta, mechanism, corner, plant) for corner in corners]
+        found = [value_set(theta, mechanism, *corner, plant) for corner in corners]
         forms = [form for each in found for form in gain_vertices(each, low, high)]
         excluded = excludes_zero(*forms, *((found[0].start,) if or_nothing else ()))
         rising = [each.rising for each in found if each.rising is not None]

@@ -46,12 +46,7 @@ def made(
     )
     channel = {"name": "any", "taps": [{"samples": taps, "weight": 1.0}]}
     proof = AbsoluteStability.model_validate(
-        {
-            "gain": 2.0,
-            "extra_delay_samples": 1.0,
-            "free": {"channels": [channel]},
-            "covers": (),
-        }
+        {"gain": 2.0, "extra_delay_samples": 1.0, "free": {"channels": [channel]}, "covers": ()}
     )
     seal = tuned().certificate.model_copy(update={"absolute_stability": {"any": proof}})
     new = {"device": device, "elements": elements, "loop": loop, "certificate": seal}

@@ -277,11 +277,7 @@ FAULTS: tuple[Fault, ...] = (
             "failures += passivity_failures(design, combination, setting, regions[0])",
             "pass",
         ),
-        (
-            "what is felt",
-            "failures += rendering_failures(design, combination[0], setting)",
-            "pass",
-        ),
+        ("what is felt", "failures += rendering_failures(design, combination[0], setting)", "pass"),
         ("clamps that may be reached", "if combination in outermost:", "if not combination:"),
         ("delays that are judged", "if longest > _LONGEST_DELAY:", "if longest > 1e9:"),
         (

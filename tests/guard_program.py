@@ -203,11 +203,7 @@ def sources(folder: Path) -> None:
 
 
 def build(
-    folder: Path,
-    pair: tuple[str, str],
-    standard: str,
-    flags: Sequence[str],
-    *files: str,
+    folder: Path, pair: tuple[str, str], standard: str, flags: Sequence[str], *files: str
 ) -> str:
     """Make ``folder/program``, of the guard or of files; what the compiler says where it cannot."""
     plus = "++" in standard

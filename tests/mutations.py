@@ -144,12 +144,7 @@ delay: known
 _FLUID = "elements: {water: {damping: 10.0}}\n"
 
 #: The good files: name, text.
-DOCUMENTS = {
-    "scene": _SCENE,
-    "device": _DEVICE,
-    "hardware": _HARDWARE,
-    "excitation": _EXCITATION,
-}
+DOCUMENTS = {"scene": _SCENE, "device": _DEVICE, "hardware": _HARDWARE, "excitation": _EXCITATION}
 #: What reads the mutated file, hostile.yaml or the log.
 READERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "scene": (("tune", "device.yaml", "hostile.yaml", "--dry-run"),),

@@ -49,9 +49,7 @@ Writer = Callable[..., Path]
 
 
 def refusal(
-    path: Path,
-    columns: LogColumns | None = None,
-    kind: type[Exception] = InvalidInputError,
+    path: Path, columns: LogColumns | None = None, kind: type[Exception] = InvalidInputError
 ) -> str:
     with pytest.raises(kind) as caught:
         load_trajectory(path, columns)

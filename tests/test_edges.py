@@ -124,11 +124,7 @@ MODE = {"damping_ratio": 0.02, "at_encoder": 0.8, "at_handle": -0.5}
 GRIP = {"mass": 0.1, "damping": 2.0, "stiffness": interval(100.0, high=20000.0)}
 #: Of each side of the box: device, what is most harmful along it, effects that feel it.
 SIDES: dict[str, tuple[dict[str, Any], list[Case], Sizes]] = {
-    "mass": (
-        {"mass": interval(3.0, low=2.4)},
-        along(AXIS, "mass", 3.0 * 0.8**WIDER, 3.0),
-        MASS,
-    ),
+    "mass": ({"mass": interval(3.0, low=2.4)}, along(AXIS, "mass", 3.0 * 0.8**WIDER, 3.0), MASS),
     "damping": (
         {"damping": interval(10.0, low=8.0)},
         along(AXIS, "damping", 10 - 2 * WIDER, 10.0),
@@ -491,9 +487,7 @@ def felt_edge(
     return Edge(
         words,
         lambda part: design(
-            {"a": element(0.0, *sizes(part * reach))},
-            loop=filters,
-            perception=PERCEPTION,
+            {"a": element(0.0, *sizes(part * reach))}, loop=filters, perception=PERCEPTION
         ),
     )
 
@@ -892,11 +886,7 @@ LARGEST: dict[str, tuple[dict[str, Any], float, Callable[[Any], float]]] = {
     ),
     "force": ({"stiffness": "max", "penetration": 0.02}, AXIS.damping, lambda _: 14.0 / 0.02),
     "ripple": ({"damping": "max", "speed": 0.01}, AXIS.damping, lambda _: loud_damping(0.05)),
-    "rendering": (
-        {"mass": "max"},
-        35.0,
-        lambda table: 35.0 * table.damping / felt(fast, 5.0).real,
-    ),
+    "rendering": ({"mass": "max"}, 35.0, lambda table: 35.0 * table.damping / felt(fast, 5.0).real),
 }
 
 

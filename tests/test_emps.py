@@ -28,8 +28,7 @@ ORDINARY_MASS, ORDINARY_DAMPING = 0.109, 1.15
 @cache
 def log() -> Trajectory:
     return load_trajectory(
-        LOG,
-        LogColumns(time="t", force="vir", position="qm", reference="qg", force_gain=35.1507),
+        LOG, LogColumns(time="t", force="vir", position="qm", reference="qg", force_gain=35.1507)
     )
 
 

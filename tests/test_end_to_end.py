@@ -5,14 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from identification import (
-    ForceLimit,
-    Hardware,
-    LogRefusedError,
-    Trajectory,
-    identify,
-    quantity,
-)
+from identification import ForceLimit, Hardware, LogRefusedError, Trajectory, identify, quantity
 from tests.exact_axis import fleet
 from tests.thinned import thinned
 from tests.true_loops import judged

@@ -264,12 +264,7 @@ def test_more_elements_than_bits_are_refused() -> None:
     assert "known = UINT64_C(0xffffffffffffffff);" in text
 
 
-ALL = {
-    "haptune_guard.c",
-    "haptune_guard.h",
-    "haptune_chai3d.hpp",
-    "haptune_profile.json",
-}
+ALL = {"haptune_guard.c", "haptune_guard.h", "haptune_chai3d.hpp", "haptune_profile.json"}
 
 
 @pytest.fixture

@@ -13,14 +13,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from identification import (
-    Device,
-    InvalidInputError,
-    load_device,
-    quantity,
-    to_mapping,
-    to_yaml,
-)
+from identification import Device, InvalidInputError, load_device, quantity, to_mapping, to_yaml
 from tests.commands import digest_of, haptune
 from tests.thinned import thinned
 from tune import CheckFailedError, SafeProfile, Scene, load_profile, optimise

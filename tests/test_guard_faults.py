@@ -140,9 +140,7 @@ def test_a_contact_needs_a_place_and_a_wall_a_side(guard: Guard) -> None:
     assert guard.run([enter(8)])[0].status == "NOT_TOGETHER"
 
 
-def test_faster_than_the_device_can_move_is_a_glitch_and_fast_motion_is_none(
-    guard: Guard,
-) -> None:
+def test_faster_than_the_device_can_move_is_a_glitch_and_fast_motion_is_none(guard: Guard) -> None:
     """A jump, from rest or on the way, is bridged; steady motion at any speed is none."""
     allowed = largest_change(tuned())
     assert allowed == pytest.approx((0.2 + 28 / 3 * 1e-3) * 1e-3 + 12e-6, rel=0.02)

@@ -142,9 +142,7 @@ def test_a_wall_entered_inside_gives_nothing_and_stands_at_its_face_after_one_wa
     assert played.to(WALL, -0.002)[-1] == pytest.approx(4.0)
 
 
-def test_a_gain_falls_at_once_and_rises_after_as_many_quiet_samples_as_taps(
-    player: Player,
-) -> None:
+def test_a_gain_falls_at_once_and_rises_after_as_many_quiet_samples_as_taps(player: Player) -> None:
     played = Played(player)
     played.enter(WALL, 0.0, 1)
     played.stay(WALL, 1)

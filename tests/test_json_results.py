@@ -34,12 +34,7 @@ SCENES = {
 #: Closed-loop logs of the spring: mass of the device, and where the handle is let go, m.
 PLAYED = {"agreeing": (3.0, 0.02), "heavy": (3.9, 0.02), "stuck": (3.0, 2.5e-3)}
 #: Words of the tables that hold numbers which are no results.
-FIXED = (
-    "95 %",
-    "0.5 to 5 Hz, mean (at 0.5 to at 5 Hz)",
-    "haptune/",
-    "no force beyond 2e-5 of it",
-)
+FIXED = ("95 %", "0.5 to 5 Hz, mean (at 0.5 to at 5 Hz)", "haptune/", "no force beyond 2e-5 of it")
 
 
 @functools.cache

@@ -31,10 +31,7 @@ RIG = Rig(
     force_limit=28.0,
     name="tested",
 )
-CLOCKS = {
-    "even": Clock(),
-    "jittered": Clock(jitter=0.1e-3),
-}
+CLOCKS = {"even": Clock(), "jittered": Clock(jitter=0.1e-3)}
 SEEDS = (1, 2, 3)
 #: Sigmas of a method's own that a value may be off: with Student's t of 8 to 60 blocks, chance
 #: alone exceeds them in one of a thousand.
@@ -330,9 +327,7 @@ class Experiment:
                 SAMPLES
             )
             log = Trajectory(
-                time=time,
-                force=self.force[:, 0],
-                position=counted(self.clean + noise, self.count),
+                time=time, force=self.force[:, 0], position=counted(self.clean + noise, self.count)
             )
             found = estimate_by(method, log, Model(coulomb=False), self.delay)
             errors.append(found.values[:2] - self.truth)

@@ -49,8 +49,7 @@ def test_a_lone_spring_is_the_closed_form_at_the_worst_corner() -> None:
     worst = min(
         float(
             largest(
-                Loop.from_numbers(mass=m, damping=b, sample_time=1e-3, delay_samples=1),
-                "stiffness",
+                Loop.from_numbers(mass=m, damping=b, sample_time=1e-3, delay_samples=1), "stiffness"
             )
         )
         for m in box.mass
@@ -146,12 +145,7 @@ def test_two_effects_at_once_name_the_limit_that_binds_them(
     """A tenth more ripple raises their product if that is the limit, and not if it is another."""
     tight, loose = (
         optimise(
-            _device(),
-            _scene(
-                {"it": dict.fromkeys(effects, "max")},
-                ripple_limit=limit,
-                loop=PAIR,
-            ),
+            _device(), _scene({"it": dict.fromkeys(effects, "max")}, ripple_limit=limit, loop=PAIR)
         ).elements["it"]
         for limit in (ripple, 1.1 * ripple)
     )
@@ -163,10 +157,7 @@ def test_two_effects_at_once_name_the_limit_that_binds_them(
 
 def test_what_no_hand_could_tell_is_played_once_the_encoder_is_finer() -> None:
     """A coarse encoder leaves less than a step of mass, and all of the ripple to the damper."""
-    scene = _scene(
-        {"it": {"damping": "max", "mass": "max"}},
-        loop=PAIR,
-    )
+    scene = _scene({"it": {"damping": "max", "mass": "max"}}, loop=PAIR)
     coarse = optimise(_device(encoder_resolution=quantity(6e-5)), scene).elements["it"]
     assert coarse.limited_by["mass"] == "not-perceptible"
     assert coarse.mass == 0
@@ -225,9 +216,7 @@ def test_what_vibrates_in_any_hand_keeps_its_margin_throughout_the_box() -> None
     """What is claimed, at corners of device, mode and hand and between them, in 360 digits."""
     device = _vibrating(60.0)
     scene = _scene(
-        {"water": {"damping": "max"}},
-        hand="free-to-rigid",
-        loop={"velocity_filter_hz": 60.0},
+        {"water": {"damping": "max"}}, hand="free-to-rigid", loop={"velocity_filter_hz": 60.0}
     )
     profile = optimise(device, scene)
     assert profile.hand is not None
@@ -380,11 +369,7 @@ def test_devices_inside_the_box_are_stable_with_the_claimed_margins(seed: int) -
 
 @pytest.mark.parametrize(
     ("name", "effects"),
-    [
-        ("homerehab", ("damping", "mass")),
-        ("knob", ("stiffness", "damping")),
-        ("stylus", EFFECTS),
-    ],
+    [("homerehab", ("damping", "mass")), ("knob", ("stiffness", "damping")), ("stylus", EFFECTS)],
 )
 def test_no_safe_trade_of_one_effect_for_another_has_a_larger_product(
     name: str, effects: tuple[EffectName, ...]

@@ -10,13 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification import (
-    InvalidInputError,
-    load_device,
-    load_document,
-    to_mapping,
-    to_yaml,
-)
+from identification import InvalidInputError, load_device, load_document, to_mapping, to_yaml
 from tests.commands import digest_of
 from tests.simulated.experiment import EFFECTS, EffectName
 from tune import (

@@ -58,9 +58,7 @@ def _stable(profile: SafeProfile, stiffness: float, damping: float) -> bool:
     )
 
 
-def test_the_boundary_of_the_worst_corner_is_the_last_that_is_stable(
-    profile: SafeProfile,
-) -> None:
+def test_the_boundary_of_the_worst_corner_is_the_last_that_is_stable(profile: SafeProfile) -> None:
     damping = np.array([0.0, 20.0, 150.0])
     found = Boundaries.of(profile).at_worst(damping, 0.0)
     for edge, beside in zip(found, damping, strict=True):

@@ -294,10 +294,7 @@ def players(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Play]:
             assert haptune("new", "player", "--language", language).code == 0
     finally:
         os.chdir(before)
-    return {
-        "c": play_in_c(folder / "player.c"),
-        "python": play_in_python(folder / "player.py"),
-    }
+    return {"c": play_in_c(folder / "player.c"), "python": play_in_python(folder / "player.py")}
 
 
 def rows_of(log: str) -> np.ndarray:

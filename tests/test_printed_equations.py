@@ -144,10 +144,7 @@ def _printed_43(delta: float, alpha: float, beta: float, gamma: float) -> Number
 
 @pytest.mark.parametrize(
     ("delta", "alpha", "beta", "gamma", "radius"),
-    [
-        (1e-3, 0.0719, -0.42, 8.93, 2.76),
-        (0.0033, 0.0018, -0.0115, 2.01, 1.0012),
-    ],
+    [(1e-3, 0.0719, -0.42, 8.93, 2.76), (0.0033, 0.0018, -0.0115, 2.01, 1.0012)],
 )
 def test_loops_that_pass_the_printed_criterion_but_are_unstable(
     delta: float, alpha: float, beta: float, gamma: float, radius: float

@@ -12,13 +12,7 @@ from scipy.linalg import expm
 from datasets_synthetic import Controller, Rig, simulate
 from identification import Device, load_device, quantity
 from tests.unlimited import UNLIMITED
-from tune import (
-    Effects,
-    Filters,
-    SafeProfile,
-    Scene,
-    optimise,
-)
+from tune import Effects, Filters, SafeProfile, Scene, optimise
 from tune.rendering import contact
 
 COUNT = 6e-6

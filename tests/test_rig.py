@@ -11,16 +11,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, tf2zpk
 from scipy.special import ellipk
 
-from datasets_synthetic import (
-    Clock,
-    Controller,
-    Faults,
-    Rig,
-    RigOfAxes,
-    Servo,
-    Vibration,
-    simulate,
-)
+from datasets_synthetic import Clock, Controller, Faults, Rig, RigOfAxes, Servo, Vibration, simulate
 
 FloatArray = NDArray[np.float64]
 

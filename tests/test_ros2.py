@@ -112,11 +112,7 @@ class Middleware:
             ros.spin(node)
 
         modules: dict[str, dict[str, Any]] = {
-            "rclpy": {
-                "init": init,
-                "spin": spin,
-                "try_shutdown": lambda: None,
-            },
+            "rclpy": {"init": init, "spin": spin, "try_shutdown": lambda: None},
             "rclpy.clock": {"Clock": Clock, "ClockType": SimpleNamespace(STEADY_TIME="steady")},
             "rclpy.node": {"Node": Node},
             "rclpy.signals": {"SignalHandlerOptions": SimpleNamespace(NO="no")},

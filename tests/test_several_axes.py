@@ -46,15 +46,7 @@ from tests.guard import (
     push,
     write,
 )
-from tests.planar import (
-    DAMPING,
-    FRICTION,
-    HARDWARE,
-    MASS,
-    STEP,
-    motion,
-    tangled,
-)
+from tests.planar import DAMPING, FRICTION, HARDWARE, MASS, STEP, motion, tangled
 from tests.thinned import thinned
 from tune import Scene, export, load_profile, optimise, profile_sheet, verify
 from tune.documents.profile import SafeProfile

@@ -301,12 +301,7 @@ def test_wide_headers_are_not_parsed(tmp_path: Path, before: bytes) -> None:
 
 
 #: Each as long as a file may be.
-YAML = {
-    "flat list": "1, ",
-    "flow list": "[], ",
-    "sexagesimal": "1:1:1, ",
-    "words": "b, ",
-}
+YAML = {"flat list": "1, ", "flow list": "[], ", "sexagesimal": "1:1:1, ", "words": "b, "}
 
 
 @pytest.mark.parametrize("name", thinned(YAML, 1))

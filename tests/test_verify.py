@@ -512,10 +512,7 @@ def test_a_missing_filter_is_named(name: str) -> None:
             {"acceleration_filter_order": 1},
             "acceleration is filtered at 30 Hz and order 1 instead of 2",
         ),
-        (
-            {"velocity_filter_order": 2},
-            "velocity is filtered at 50 Hz and order 2 instead of 1",
-        ),
+        ({"velocity_filter_order": 2}, "velocity is filtered at 50 Hz and order 2 instead of 1"),
         (
             {"velocity_filter_hz": np.inf, "acceleration_filter_hz": np.inf},
             "velocity and acceleration are not filtered",

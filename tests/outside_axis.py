@@ -94,12 +94,14 @@ def play(axis: Axis, drive: Drive, rng: np.random.Generator) -> Played:  # noqa:
     fuzz = (drive.noise * rng.standard_normal(rows)).tolist()
     plan, m, body = drive.plan.tolist(), axis.mass, axis.body
     push = [0.0] * rows if body is None or body.push is None else body.push.tolist()
-    place, bristle = axis.place, axis.bristle_stiffness
+    place, grade, bristle = axis.place, axis.grade, axis.bristle_stiffness
+    one_way, drag, load, static = axis.asymmetry, axis.drag, axis.load, axis.static
     stretch = [0.0] * len(axis.slips)
+    slides = not (bristle or stretch)
     x = v = f = z = y = w = fastest = filtered = 0.0
-    last = last_plan = 0.0
+    last = last_plan = held = 0.0
     command: list[float] = []
-    acted: list[float] = []
+    acted: list[float] = [0.0] * (late // steps + 1)
     out: list[tuple[float, ...]] = []
     dry_now = 0.0
     for k in range(rows):
@@ -116,19 +118,25 @@ def play(axis: Axis, drive: Drive, rng: np.random.Generator) -> Played:  # noqa:
         fade = 1.0
         if axis.warming:
             fade -= axis.warming * (1 - exp(-k * drive.sample_time / axis.warming_time))
-        apart = y - x
+        apart, unlogged, level = y - x, shake[k], acted[k]
+        damping, rough = axis.damping * fade, axis.coulomb * fade
+        viscous, limit = damping, rough
         total = dry = further = 0.0
         for s in range(steps):
-            row = (k * steps + s - late) // steps
-            f += ((acted[row] if row >= 0 else 0.0) - f) * follow
+            if s == late % steps:
+                level = acted[k + 1]
+            f += (level - f) * follow
             middle, speed = x + half * v, abs(v)
-            side = 1 + axis.asymmetry * ((v > 0) - (v < 0))
-            viscous = axis.damping * fade * side + axis.drag * speed
-            if axis.grade is not None:
-                viscous *= axis.grade(middle)
-            pull = f + shake[k]
-            held = 0.0 if place is None else place(middle)
-            pull -= held
+            if one_way:
+                side = 1 + one_way * ((v > 0) - (v < 0))
+                viscous, limit = damping * side, rough * side
+            resisting = viscous + drag * speed if drag else viscous
+            if grade is not None:
+                resisting *= grade(middle)
+            pull = f + unlogged
+            if place is not None:
+                held = place(middle)
+                pull -= held
             if body is not None:
                 far = y + half * w
                 along = far - middle
@@ -139,11 +147,11 @@ def play(axis: Axis, drive: Drive, rng: np.random.Generator) -> Played:  # noqa:
                 ground = body.ground_stiffness * far + body.ground_damping * w
                 w += h * (push[k] - joint - ground) / body.mass
                 y = far + half * w
-            limit = axis.coulomb * fade * side + axis.load * abs(f)
-            if axis.static:
-                limit += axis.static * exp(-((v / axis.stribeck) ** 2))
+            most = limit + load * abs(f) if load else limit
+            if static:
+                most += static * exp(-((v / axis.stribeck) ** 2))
             if bristle:
-                steady = limit / bristle
+                steady = most / bristle
                 if v:
                     way = steady if v > 0 else -steady
                     new = way + (z - way) * exp(-speed * h / steady)
@@ -152,24 +160,24 @@ def play(axis: Axis, drive: Drive, rng: np.random.Generator) -> Played:  # noqa:
                     rate = 0.0
                 dry_now = bristle * z + axis.bristle_damping * rate
                 pull -= dry_now
-            for index, (stiffness, most) in enumerate(axis.slips):
-                stretch[index] = min(max(stretch[index] + h * v * stiffness, -most), most)
             if stretch:
+                for index, (stiffness, longest) in enumerate(axis.slips):
+                    there = stretch[index] + h * v * stiffness
+                    stretch[index] = min(max(there, -longest), longest)
                 dry_now = sum(stretch)
                 pull -= dry_now
-            ease = viscous * half / m
+            ease = resisting * half / m
             free = (v * (1 - ease) + h * pull / m) / (1 + ease)
-            if not bristle and not stretch:
-                stop = h * limit / m
+            if slides:
+                stop = h * most / m
                 new = free - stop if free > stop else min(free + stop, 0.0)
                 dry_now = (free - new) * m / h
                 free = new
-            mean = (v + free) / 2
+            further += held + (resisting - axis.damping) * (v + free) / 2
             x = middle + half * free
             v = free
             total += f
             dry += dry_now
-            further += held + (viscous - axis.damping) * mean
             fastest = max(fastest, speed)
         out.append((reading, total / steps, dry / steps, further / steps, apart))
     columns = np.array(out).T

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cache
 from os import PathLike, fspath
 from os.path import exists, isfile
 from pathlib import Path
@@ -527,8 +528,13 @@ def load_device(reference: str | PathLike[str]) -> Device:
     name, path = fspath(reference), Path(reference)
     # The function of os.path also takes names that no file can have.
     if name in named_devices() and not isfile(path):  # noqa: PTH113
-        path = _FOLDER / f"{name}.yaml"
-    elif path.suffix == "" and not exists(path):  # noqa: PTH110
+        return _named(name)
+    if path.suffix == "" and not exists(path):  # noqa: PTH110
         problem = "is neither a file nor a named device"
         raise InvalidInputError(reference, problem, f"Named devices: {', '.join(named_devices())}")
     return load_document(Device, path)
+
+
+@cache
+def _named(name: str) -> Device:
+    return load_document(Device, _FOLDER / f"{name}.yaml")

@@ -244,7 +244,7 @@ def test_bound_with_unknown_force_is_that_of_the_dense_covariance() -> None:
 
 
 def test_families_are_compared_and_the_best_is_played() -> None:
-    limits = spec(duration=2.0, coulomb_friction=0.8)
+    limits = spec(duration=1.2, coulomb_friction=0.8)
     seen: list[str] = []
     plan = plan_excitation(limits, progress=seen.append)
     assert seen == [
@@ -287,7 +287,7 @@ def test_senseless_limits_are_a_sentence(words: str, change: dict[str, Any]) -> 
 
 def test_drift_that_no_force_can_prevent_is_a_sentence() -> None:
     with pytest.raises(InvalidInputError) as caught:
-        plan_excitation(spec(force_offset={"value": 0.0, "low": -1.0, "high": 1.0}))
+        plan_excitation(spec(duration=2.0, force_offset={"value": 0.0, "low": -1.0, "high": 1.0}))
     assert "some device within the guesses moves" in str(caught.value)
     assert "narrow the ranges of coulomb_friction and force_offset" in str(caught.value)
 

@@ -68,11 +68,7 @@ FAULTS: tuple[Fault, ...] = (
         "tune/certificate/absolute.py",
         f"{_EDGES} -k wall_",
         ("the gain in the own terms", "real * (1 / (gain * size))", "real * (1 / size)"),
-        (
-            "the extra delay of a clamp",
-            "Claim(gain=0.0, extra=claim.extra)",
-            "Claim(gain=0.0, extra=0.0)",
-        ),
+        ("the extra delay of a clamp", "(gain=0.0, extra=claim.extra)", "(gain=0.0, extra=0.0)"),
         ("a constant where a device is held", "* whole + channel.constant)", "* whole + 1.0)"),
         ("a circle behind a line", "centre - root.centre.real - wide", "centre - wide"),
         ("the width of a cell behind a line", "root.centre.real - wide - lost", "root.centre.real"),
@@ -110,11 +106,7 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_zero_exclusion.py -k forms_hold",
         ("the heaviest hand", "high / (light + weight * high)", "low / (light + weight * low)"),
         ("inertia of a hand beside that of all", " - denominator * self.handle) * self.share", ")"),
-        (
-            "damping of the hand among aliases",
-            "self.hand[1] * lighter, self",
-            "self.hand[1] * lighter * 0.0, self",
-        ),
+        ("damping of the hand among aliases", ".hand[1] * lighter, ", ".hand[1] * lighter * 0.0, "),
     ),
     *_of(
         "tune/certificate/affine.py",
@@ -125,17 +117,9 @@ FAULTS: tuple[Fault, ...] = (
         "tune/certificate/zero_exclusion.py",
         "tests/test_zero_exclusion.py -k 'every_pair or any_mass'",
         ("the stiffest hand", "way * (stiff - soft) + soft\n", "way * 0.0 + soft\n"),
-        (
-            "the lightest hand",
-            "way * -(heavy - light) + heavy",
-            "way * -0.9 * (heavy - light) + heavy",
-        ),
+        ("the lightest hand", " * -(heavy - light) + heavy", " * -0.9 * (heavy - light) + heavy"),
         ("the way of a hand", "[float(wide), 0.0]", "[0.5, 0.0]"),
-        (
-            "masses at aliases by the way",
-            "least = np.maximum(heavy - end",
-            "least = np.maximum(heavy - 0.5 * end",
-        ),
+        ("masses at aliases by the way", " = np.maximum(heavy - ", " = np.maximum(heavy - 0.5 * "),
     ),
     *_of(
         "tune/optimisation/__init__.py",
@@ -145,11 +129,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/value_set.py",
         "tests/test_zero_exclusion.py -k any_mass",
-        (
-            "aliases over all mass",
-            "if self.hand is None else stacked.reduced",
-            "if True else stacked.reduced",
-        ),
+        ("aliases over all mass", "if self.hand is None else stacked.", "if True else stacked."),
     ),
     *_of(
         "tune/certificate/absolute.py",
@@ -165,11 +145,7 @@ FAULTS: tuple[Fault, ...] = (
             "if own.keys() != sum_.clamps.keys() or names != seen:",
             "if len(own) > 9:",
         ),
-        (
-            "a constant of the dampers",
-            "if any(channel.taps or not channel.constant for",
-            "if any(channel.taps for",
-        ),
+        ("a constant of the dampers", "(channel.taps or not channel.constant ", "(channel.taps "),
     ),
     *_of(
         "tune/certificate/absolute.py",
@@ -191,11 +167,7 @@ FAULTS: tuple[Fault, ...] = (
             "if (multiplier is None) == bool(own):",
             "if multiplier is None and own:",
         ),
-        (
-            "dampers that are switched",
-            "damping=replace(dampers[0], damping=total) if dampers else None",
-            "damping=None",
-        ),
+        ("dampers that are switched", "=replace(dampers[0], damping=total) if dampers else ", "="),
     ),
     *_of(
         "tune/certificate/absolute.py",
@@ -215,40 +187,16 @@ FAULTS: tuple[Fault, ...] = (
         "tune/certificate/absolute.py",
         f"{_EDGES} -k level_of_what_fades",
         ("levels of elements that fade beside others", "if not proof.proved:", "if proof is None:"),
-        (
-            "none and all of a level",
-            "for absent in itertools.combinations(fading, count)",
-            "for absent in itertools.combinations(fading, 0)",
-        ),
+        ("none and all of a level", ".combinations(fading, count)", ".combinations(fading, 0)"),
     ),
     *_of(
         "tune/certificate/absolute.py",
         "tests/test_shared_proofs.py -k 'covered_by_no_other'",
-        (
-            "multipliers of what others cover",
-            "repr((signal, there, multipliers))",
-            "repr((signal, there))",
-        ),
-        (
-            "signals of what others cover",
-            "repr((signal, there, multipliers))",
-            "repr((there, multipliers))",
-        ),
-        (
-            "what fades in sums that others cover",
-            "for setting in sum_.steady:\n        size",
-            "for setting in ():\n        size",
-        ),
-        (
-            "all parts of sums that others cover",
-            "return all(mine >= its for",
-            "return any(mine >= its for",
-        ),
-        (
-            "gains stated of sums that others cover",
-            "multipliers)), size * witness.gain",
-            "multipliers)), size",
-        ),
+        ("multipliers of what others cover", "((signal, there, multipliers))", "((signal, there))"),
+        ("signals of what others cover", "((signal, there, multipliers)", "((there, multipliers)"),
+        ("what fades in sums that others cover", "for setting in sum_.steady", "for setting in ()"),
+        ("all parts of sums that others cover", "return all(mine >= its", "return any(mine >= its"),
+        ("gains stated of sums that others cover", ")), size * witness.gain", ")), size"),
     ),
     *_of(
         "tune/certificate/certify.py",
@@ -261,11 +209,7 @@ FAULTS: tuple[Fault, ...] = (
         "tune/certificate/certify.py",
         f"{_EDGES} -k 'springs_alone or lesser_spring'",
         ("gains of settings on a ray", ".tolist()), abs(size)", ".tolist()), 1.0"),
-        (
-            "claims that no other covers",
-            "if -late > longest.get(ray, -1.0):",
-            "if ray not in longest:",
-        ),
+        ("claims that no other covers", " -late > longest.get(ray, -1.0):", " ray not in longest:"),
     ),
     *_of(
         "tune/certificate/certify.py",
@@ -299,46 +243,26 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/claims.py",
         f"{_EDGES} -k 'force or ripple or passivity'",
-        (
-            "force levels that sum to the peak",
-            '("cut", levels, limit.peak),',
-            '("cut", 0.0, limit.peak),',
-        ),
-        (
-            "sustained force",
-            '("sustained", sustained, limit.continuous),',
-            '("sustained", 0.0, 1.0),',
-        ),
+        ("force levels that sum to the peak", 'cut", levels, limit.peak', 'cut", 0.0, limit.peak'),
+        ("sustained force", '("sustained", sustained, limit.continuous', '("sustained", 0.0, 1.0'),
         ("the force of a mass", "+ abs(item.mass) * item.motion.acceleration", "+ 0.0"),
         (
             "a claimed ripple",
             "if len(combination) == 1 and claimed < seen * (1 - _AGREE):",
             "if claimed < 0:",
         ),
-        (
-            "passivity of the least damping",
-            "damping = region.damping[0]\n",
-            "damping = region.damping[1]\n",
-        ),
+        ("passivity of the least damping", " = region.damping[0]\n", " = region.damping[1]\n"),
     ),
     *_of(
         "tune/certificate/certify.py",
         f"{_EDGES} -k claimed",
         ("a claimed gain", "    if gain > margin.gain:\n", "    if gain > 1e9:\n"),
-        (
-            "a claimed delay",
-            "    if extra > margin.extra_delay_samples:\n",
-            "    if extra > 1e9:\n",
-        ),
+        ("a claimed delay", "    if extra > margin.extra_delay_samples:", "    if extra > 1e9:"),
     ),
     *_of(
         "tune/certificate/certify.py",
         f"{_EDGES} -k not_proved",
-        (
-            "a proof that was not found",
-            "        if proof.proved:\n            continue\n",
-            "        if proof.cells:\n            continue\n",
-        ),
+        ("a proof that was not found", "        if proof.proved:\n ", "        if proof.cells:\n "),
     ),
     *_of(
         "tune/certificate/poles.py",
@@ -348,31 +272,19 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/region.py",
         f"{_EDGES} -k box",
-        (
-            "friction that holds a device",
-            "(low + held.low, high + held.high)",
-            "(low + held.low, high + held.low)",
-        ),
+        ("friction that holds a device", "held.low, high + held.high", "held.low, high + held.low"),
         ("hands", "return (*alone, *(replace(each, hand=hand) for each in alone))", "return alone"),
         ("the largest lag", "else (lag.low, lag.high)", "else (lag.low, lag.low)"),
     ),
     *_of(
         "identification/device/device.py",
         f"{_EDGES} -k box",
-        (
-            "intervals that hold at once",
-            "return widening(count, freedom, confidence)",
-            "return 1.0",
-        ),
+        ("intervals that hold at once", " widening(count, freedom, confidence)", " 1.0"),
     ),
     *_of(
         "tune/documents/scene.py",
         f"{_EDGES} -k largest_sets",
-        (
-            "a wall is met beside all",
-            "for other in others for wall in facing)",
-            "for other in others for wall in [])",
-        ),
+        ("a wall is met beside all", " in others for wall in facing", " in others for wall in []"),
     ),
     *_of(
         "tune/certificate/claims.py",
@@ -398,11 +310,7 @@ FAULTS: tuple[Fault, ...] = (
             "speed * (K * region.sample_time[1] if K else abs(B))",
             "said.force_on_entry",
         ),
-        (
-            "bounces",
-            "found = _restitution(design, name, element, region)",
-            "found = said.restitution",
-        ),
+        ("bounces", " = _restitution(design, name, element, region)", " = said.restitution"),
         ("net damping with the latest delay", "design.margin.extra_delay_samples + 0.5", "0.5"),
     ),
     *_of(
@@ -498,11 +406,7 @@ FAULTS: tuple[Fault, ...] = (
         ("an absolute gain that is not proved", "if said != seen:", "if said == -1.0:"),
         ("sets that are proved", "if combination not in stated.interior:", "if not combination:"),
         ("sets that there are not", "if combination not in fresh.interior:", "if not combination:"),
-        (
-            "where the worst point is",
-            "            return region.point(",
-            "            pass\n        return region.point(",
-        ),
+        ("where the worst point is", "       return region", "       pass\n        return region"),
         (
             "how bad the worst point is",
             "if not np.isclose(seen, stated.pole_radius, rtol=_AGREE, atol=0):",
@@ -517,25 +421,13 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/check.py",
         f"{_EDGES} -k false_word_is",
-        (
-            "a worse point than is stated",
-            "elif 1 - seen > (1 + _SEARCH) *",
-            "elif 1 - seen > 9e9 *",
-        ),
+        ("a worse point than is stated", "elif 1 - seen > (1 + _SEARCH) ", "elif 1 - seen > 9e9 "),
     ),
     *_of(
         "tune/certificate/check.py",
         f"{_EDGES} -k every_false_word",
-        (
-            "a limit that does not bind",
-            "if not believed and getattr(element, effect):",
-            "if not word:",
-        ),
-        (
-            "notes beyond what was wanted",
-            "if len(design.notes) != len(dropped)",
-            "if len(design.notes) < len(dropped)",
-        ),
+        ("a limit that does not bind", " not believed and getattr(element, effect):", " not word:"),
+        ("notes beyond what was wanted", " len(design.notes) != len(", " len(design.notes) < len("),
     ),
     Fault(
         name="a limit by stability that no rehearsal took",
@@ -552,11 +444,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/optimisation/limits.py",
         "tests/test_wishes.py -k taken_away",
-        (
-            "a wanted value that a device cannot lose",
-            "self.wish.high is None or self.high < abs(self.wish.high)",
-            "self.wish.high is None",
-        ),
+        ("a wanted value that a device cannot lose", " or self.high < abs(self.wish.high)", ""),
     ),
     *_of(
         "tune/optimisation/feasibility.py",
@@ -578,11 +466,7 @@ FAULTS: tuple[Fault, ...] = (
             "if said.absolute_gain is not None and said.gain > said.absolute_gain:",
             "if said.gain < 0:",
         ),
-        (
-            "ripple of an element",
-            "alike = abs(said - seen) <= _RIPPLE_AGREES * seen",
-            "alike = seen >= 0",
-        ),
+        ("ripple of an element", " = abs(said - seen) <= _RIPPLE_AGREES * seen", " = seen >= 0"),
     ),
     *_of(
         "tune/documents/profile.py",
@@ -597,11 +481,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/documents/profile.py",
         "tests/test_export.py -k signed_anew",
-        (
-            "a profile signed anew as it is written",
-            'signed_content(to_mapping(self), f"the',
-            'signed_content(to_mapping(self.signed()), f"the',
-        ),
+        ("a profile signed anew as it is written", '(self), f"the', '(self.signed()), f"the'),
     ),
     *_of(
         "tune/exporters/__init__.py",
@@ -611,11 +491,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/documents.py",
         "tests/test_export.py -k signed_anew",
-        (
-            "a mapping that is changed",
-            "if type(value) is dict else value",
-            "if raw is cls else value",
-        ),
+        ("a mapping that is changed", " type(value) is dict else value", " raw is cls else value"),
     ),
     # Limits of the tuner.
     *_of(
@@ -682,20 +558,12 @@ FAULTS: tuple[Fault, ...] = (
         "identification/fitting/__init__.py",
         "tests/test_choice.py",
         ("residuals that are white", "if not is_coloured(residual):", "if True:"),
-        (
-            "an estimate that knows less",
-            "    sharper = found and region(predicted) <= region(default)",
-            "    sharper = True",
-        ),
+        ("an estimate that knows less", " found and region(predicted) <= region(default)", " True"),
     ),
     *_of(
         "identification/fitting/__init__.py",
         "tests/test_findings.py -k measured",
-        (
-            "a measured force that tells a delay",
-            "deviation=most / np.sqrt(12)) if stated is None else None,",
-            "deviation=0.0) if stated is None else None,",
-        ),
+        ("a measured force that tells a delay", "deviation=most / np.sqrt(12))", "deviation=0.0)"),
         ("a measured force that is held", "if early is not None:", "if False:"),
     ),
     *_of(
@@ -716,11 +584,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/templates/guard.c",
         _GUARD,
-        (
-            "a wall that pulls",
-            "effect->one_sided && contact->side < 0 ? 0.0 :",
-            "effect->one_sided && contact->side < 0 ? -9e9 :",
-        ),
+        ("a wall that pulls", " && contact->side < 0 ? 0.0 :", " && contact->side < 0 ? -9e9 :"),
         ("the level of a clamp", "return u < low ? low : u > high ? high : u;", "return u;"),
         ("a gain that rises under force", "|| contact->quiet >= HAPTUNE_TAPS) {", "|| 1) {"),
         (
@@ -730,11 +594,7 @@ FAULTS: tuple[Fault, ...] = (
         ),
         ("a spring entered away from its rest", "if (enters && spring) {", "if (0 && spring) {"),
         ("a filter that comes to rest", "#define VANISHED 1e-30", "#define VANISHED 0.0"),
-        (
-            "a rest that moves under force",
-            "guard->contacts[index].force != 0.0) {",
-            "guard->contacts[index].force > 9e9) {",
-        ),
+        ("a rest that moves under force", "[index].force != 0.0) {", "[index].force > 9e9) {"),
         (
             "sets that are certified",
             "return elements == 0 || (low < COMBINATIONS && combinations[low] == elements);",
@@ -746,52 +606,24 @@ FAULTS: tuple[Fault, ...] = (
             "if (0) {\n        elements",
         ),
         ("a corridor that is too narrow", "return !(room >= lead);", "return 0;"),
-        (
-            "fades while a wall pushes",
-            "pushing ? 0.0 : played[index].fade * steps",
-            "played[index].fade * steps",
-        ),
-        (
-            "a face that moves at once",
-            "contact->clear >= HAPTUNE_TAPS) {",
-            "contact->clear >= 1) {",
-        ),
+        ("fades while a wall pushes", "pushing ? 0.0 : played[index].fade ", "played[index].fade "),
+        ("a face that moves at once", "contact->clear >= HAPTUNE_TAPS) ", "contact->clear >= 1) "),
     ),
     *_of(
         "tune/templates/guard.c",
         "tests/test_guard_faults.py",
         ("a gain above 1", "gain < 0.0 || gain > 1.0", "gain < 0.0"),
-        (
-            "missed periods in a row",
-            "} else if (steps - 1 > HAPTUNE_EXTRA_DELAY) {",
-            "} else if (steps > 999u) {",
-        ),
-        (
-            "readings that cannot be",
-            "} else if (!plausible(axis, steps, position)) {",
-            "} else if (0) {",
-        ),
+        ("missed periods in a row", " if (steps - 1 > HAPTUNE_EXTRA_DELAY)", " if (steps > 999u)"),
+        ("readings that cannot be", "} else if (!plausible(axis, steps, position)", "} else if (0"),
         ("a reading used twice", "} else if (steps == 0) {", "} else if (0) {"),
-        (
-            "the line of one period earlier",
-            "return fabs(position - line) <= most || ",
-            "return fabs(position - line) <= most && ",
-        ),
-        (
-            "contacts after a gap",
-            "        end_contacts(guard, UINT64_MAX);\n        return",
-            "        return",
-        ),
+        ("the line of one period earlier", " - line) <= most || ", " - line) <= most && "),
+        ("contacts after a gap", "        end_contacts(guard, UINT64_MAX);\n        ", "        "),
     ),
     *_of(
         "tune/templates/guard.c",
         "tests/test_guard.py",
         ("the peak force", "    if (force > peak_force) {", "    if (force > 9e9) {"),
-        (
-            "a fade",
-            "contact->level = faded(contact->level, asked, change);",
-            "contact->level = asked;",
-        ),
+        ("a fade", "->level = faded(contact->level, asked, change);", "->level = asked;"),
     ),
     *_of(
         "tune/templates/guard.c",
@@ -815,11 +647,7 @@ FAULTS: tuple[Fault, ...] = (
         "tune/templates/chai3d.hpp",
         "tests/test_mixed_exports.py -k 'compile or program'",
         ("a guard of another profile", "#if HAPTUNE_PROFILE != ${tag}", "#if 0"),
-        (
-            "axes of two profiles",
-            "inline namespace profile_${word} {",
-            "inline namespace profile {",
-        ),
+        ("axes of two profiles", "inline namespace profile_${word} ", "inline namespace profile "),
     ),
     # The node of ROS 2, and what is exported together.
     *_of(
@@ -855,11 +683,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/templates/axes.c",
         "tests/test_several_axes.py -k 'guard or face or cut or fades or line or laws or room'",
-        (
-            "the length of a spring's force",
-            "if (!(length > most * SHORTER)) {",
-            "if (length == length) {",
-        ),
+        ("the length of a spring's force", " (!(length > most * SHORTER))", " (length == length)"),
         ("a rounding above the peak", "(1.0 - 8.0 * DBL_EPSILON)", "1.0"),
         ("the peak of all axes", "    shortened(sum, peak_force);", ""),
         ("two laws at an angle", "} else if (turned > ROUNDING - 1.0) {", "} else if (0) {"),
@@ -874,11 +698,7 @@ FAULTS: tuple[Fault, ...] = (
             "",
         ),
         ("a glitch of one axis", "&& !plausible(&axes[axis], steps, position[axis])", "&& 0"),
-        (
-            "a wall that is apart from a fluid",
-            "        if (!certified(ahead)) {",
-            "        if (0) {",
-        ),
+        ("a wall that is apart from a fluid", "        if (!certified(ahead)) ", "        if (0) "),
     ),
     *_of(
         "tune/templates/axes.py",
@@ -903,11 +723,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/device/quantities.py",
         "tests/test_several_axes.py",
-        (
-            "the sides of what is known of a direction",
-            "half = side * deviations",
-            "half = -deviations",
-        ),
+        ("the sides of what is known of a direction", " = side * deviations", " = -deviations"),
     ),
     *_of(
         "identification/fitting/several_axes.py",
@@ -949,11 +765,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/planning/several_axes.py",
         "tests/test_excitation_of_axes.py -k any_direction",
-        (
-            "light in one direction of many",
-            "_turned(Region.stated(wanted), count))",
-            "_devices(Region.stated(wanted), count))",
-        ),
+        ("light in one direction of many", "_turned(Region.stated(", "_devices(Region.stated("),
     ),
     *_of(
         "tune/cli/session.py",
@@ -963,11 +775,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/fitting/several_axes.py",
         "tests/test_units_of_axes.py -k names_the",
-        (
-            "the axis that a refusal is of",
-            'return f"{log.source}, axis {log.axis}"',
-            "return log.source",
-        ),
+        ("the axis that a refusal is of", ' f"{log.source}, axis {log.axis}"', " log.source"),
     ),
     *_of(
         "identification/_identify.py",
@@ -981,29 +789,17 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/documents/changes.py",
         "tests/test_comparing_axes.py",
-        (
-            "entries of several axes",
-            "if old.axes is not None and new.axes",
-            "if False and new.axes",
-        ),
+        ("entries of several axes", " old.axes is not None and new.axes", " False and new.axes"),
     ),
     *_of(
         "identification/device/device.py",
         "tests/test_comparing_axes.py",
-        (
-            "axes by name",
-            "one, other = sorted((axes[row], axes[column]))",
-            "one, other = axes[row], axes[column]",
-        ),
+        ("axes by name", " = sorted((axes[row], axes[column]))", " = axes[row], axes[column]"),
     ),
     *_of(
         "tune/optimisation/problem.py",
         "tests/test_optimise.py -k proved",
-        (
-            "an element that is not proved",
-            "if not go or scene.elements.keys() <= gone:",
-            "if True:",
-        ),
+        ("an element that is not proved", "if not go or scene.elements.keys() <= gone", "if True"),
         ("a wall that is told apart", "return self.without(pair)", "pass"),
     ),
     *_of(
@@ -1018,11 +814,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/estimators/joint_motion.py",
         "tests/test_several_axes.py",
-        (
-            "what holds an axis beside others",
-            "free = np.flatnonzero(excess",
-            "free = np.flatnonzero(0 * excess",
-        ),
+        ("what holds an axis beside others", "np.flatnonzero(excess", "np.flatnonzero(0 * excess"),
     ),
     *_of(
         "tune/certificate/certify.py",
@@ -1079,11 +871,7 @@ FAULTS: tuple[Fault, ...] = (
         "tune/judging.py",
         "tests/test_audit.py -k outlives_the_next",
         ("a device that changed is not at its margin", "nearly = unchanged and", "nearly ="),
-        (
-            "no more than a hundredth is lost",
-            "most = error.failures, (1 - _STEP)",
-            "most = error.failures, 0.5",
-        ),
+        ("no more than a hundredth is lost", "error.failures, (1 - _STEP)", "error.failures, 0.5"),
     ),
     Fault(
         name="friction is felt",
@@ -1210,20 +998,12 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/certificate/check.py",
         "tests/test_edges.py -k false_word",
-        (
-            "room beside a wall",
-            "_ROOM if gives_room else _GROWN, [name], alike",
-            "_ROOM, [name], alike",
-        ),
+        ("room beside a wall", "_ROOM if gives_room else _GROWN, [name], ", "_ROOM, [name], "),
     ),
     *_of(
         "tune/templates/player.py",
         "tests/test_player.py -k each_axis",
-        (
-            "travel of every axis",
-            "for axis, place in enumerate(places))",
-            "for axis, place in [(0, places[0])])",
-        ),
+        ("travel of every axis", ", place in enumerate(places))", ", place in [(0, places[0])])"),
     ),
     *_of(
         "tune/templates/player.py",
@@ -1238,11 +1018,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/templates/player.c",
         "tests/test_player.py -k 'program_itself'",
-        (
-            "limits of a play, in C",
-            "if (tail == argv[word + 1] || *tail ||",
-            "if (tail == argv[word + 1] ||",
-        ),
+        ("limits of a play, in C", " == argv[word + 1] || *tail ||", " == argv[word + 1] ||"),
     ),
     *_of(
         "tune/templates/player.c",
@@ -1261,21 +1037,13 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "identification/findings/forces.py",
         "tests/test_findings.py tests/test_long_logs.py -k 'less_than_the_log or left_out_is_seen'",
-        (
-            "what an actuator gives",
-            "*part) for part in parts)) > _BENT:",
-            "*part) for part in parts)) > 0:",
-        ),
+        ("what an actuator gives", ") for part in parts)) > _BENT:", ") for part in parts)) > 0:"),
         (
             "an actuator in both halves",
             "max(share, *(left_by(knee, *part) for part in parts)) > _BENT",
             "share > _BENT",
         ),
-        (
-            "a dead zone of an actuator",
-            '("above", part) if part < 1 else ("below", 1 / part)',
-            '("above", part)',
-        ),
+        ("a dead zone of an actuator", '", part) if part < 1 else ("below", 1 / part)', '", part)'),
     ),
     *_of(
         "identification/fitting/several_axes.py",

@@ -312,6 +312,8 @@ FAULTS: tuple[Fault, ...] = (
         ),
         ("bounces", " = _restitution(design, name, element, region)", " = said.restitution"),
         ("net damping with the latest delay", "design.margin.extra_delay_samples + 0.5", "0.5"),
+        ("jitter that is less", "if said > 0 and not shrinks", "if said < 0 and not shrinks"),
+        ("jitter that is more", "elif said < _MOST and shrinks", "elif said < 0 and shrinks"),
     ),
     *_of(
         "tune/verification/measured_law.py",
@@ -395,12 +397,6 @@ FAULTS: tuple[Fault, ...] = (
         ("what presses against its bound", "_NOISE = (1, 2)", "_NOISE = (0, 1, 2, 3)"),
     ),
     *_of(
-        "tune/certificate/time_domain.py",
-        f"{_EDGES} -k told",
-        ("jitter that is less", "if said > 0 and not shrinks", "if said < 0 and not shrinks"),
-        ("jitter that is more", "elif said < _MOST and shrinks", "elif said < 0 and shrinks"),
-    ),
-    *_of(
         "tune/certificate/check.py",
         f"{_EDGES} -k told",
         ("an absolute gain that is not proved", "if said != seen:", "if said == -1.0:"),
@@ -417,6 +413,12 @@ FAULTS: tuple[Fault, ...] = (
             "if len(seen) != len(said) or not np.allclose(seen, said, rtol=_AGREE, atol=0):",
             "if name is None:",
         ),
+        (
+            "a gain above the absolute one",
+            "if said.absolute_gain is not None and said.gain > said.absolute_gain:",
+            "if said.gain < 0:",
+        ),
+        ("ripple of an element", " = abs(said - seen) <= _RIPPLE_AGREES * seen", " = seen >= 0"),
     ),
     *_of(
         "tune/certificate/check.py",
@@ -429,12 +431,14 @@ FAULTS: tuple[Fault, ...] = (
         ("a limit that does not bind", " not believed and getattr(element, effect):", " not word:"),
         ("notes beyond what was wanted", " len(design.notes) != len(", " len(design.notes) < len("),
     ),
-    Fault(
-        name="a limit by stability that no rehearsal took",
-        file="tune/certificate/check.py",
-        old="{label for label in labels if note_of_rehearsal(label) in design.notes}",
-        new="labels if design.notes is not None else set()",
-        tests="tests/test_rehearse.py -k less_is_asked",
+    *_of(
+        "tune/certificate/check.py",
+        "tests/test_rehearse.py -k less_is_asked",
+        (
+            "a limit by stability that no rehearsal took",
+            "{label for label in labels if note_of_rehearsal(label) in design.notes}",
+            "labels if design.notes is not None else set()",
+        ),
     ),
     *_of(
         "tune/optimisation/solve.py",
@@ -457,16 +461,6 @@ FAULTS: tuple[Fault, ...] = (
         "tests/test_wishes.py",
         ("a wanted value is met", "abs(size) >= _MET *", "abs(size) >= 1e-9 *"),
         ("felt as something else", "if most > 1 else", "if most > 99 else"),
-    ),
-    *_of(
-        "tune/certificate/check.py",
-        f"{_EDGES} -k told",
-        (
-            "a gain above the absolute one",
-            "if said.absolute_gain is not None and said.gain > said.absolute_gain:",
-            "if said.gain < 0:",
-        ),
-        ("ripple of an element", " = abs(said - seen) <= _RIPPLE_AGREES * seen", " = seen >= 0"),
     ),
     *_of(
         "tune/documents/profile.py",
@@ -498,10 +492,6 @@ FAULTS: tuple[Fault, ...] = (
         "tune/optimisation/feasibility.py",
         f"{_EDGES} -k tuner",
         ("ripple of one effect", "limit=limits.ripple,", "limit=2 * limits.ripple,"),
-    ),
-    *_of(
-        "tune/optimisation/feasibility.py",
-        f"{_EDGES} -k tuner",
         (
             "force and lead",
             "return min(problem.linear.bounds(sizes, index).values(), default=np.inf)",
@@ -618,19 +608,15 @@ FAULTS: tuple[Fault, ...] = (
         ("a reading used twice", "} else if (steps == 0) {", "} else if (0) {"),
         ("the line of one period earlier", " - line) <= most || ", " - line) <= most && "),
         ("contacts after a gap", "        end_contacts(guard, UINT64_MAX);\n        ", "        "),
+        ("a test that flags take out", "if (!usable(position)) {", "if (position != position) {"),
+        ("a gain of NaN", "!usable(gain) || ", ""),
+        ("a face of NaN", "} else if (!usable(rest)) {", "} else if (rest != rest) {"),
     ),
     *_of(
         "tune/templates/guard.c",
         "tests/test_guard.py",
         ("the peak force", "    if (force > peak_force) {", "    if (force > 9e9) {"),
         ("a fade", "->level = faded(contact->level, asked, change);", "->level = asked;"),
-    ),
-    *_of(
-        "tune/templates/guard.c",
-        "tests/test_guard_faults.py",
-        ("a test that flags take out", "if (!usable(position)) {", "if (position != position) {"),
-        ("a gain of NaN", "!usable(gain) || ", ""),
-        ("a face of NaN", "} else if (!usable(rest)) {", "} else if (rest != rest) {"),
     ),
     *_of(
         "tune/templates/guard.h",
@@ -828,19 +814,15 @@ FAULTS: tuple[Fault, ...] = (
         ("axes that stand are held", "<= _NOISE * table.signals.noise", "< 0"),
         ("axes that never move together", "if all(part.stands[one] or part.", "if any(part."),
     ),
-    Fault(
-        name="axes that no force drives",
-        file="identification/fitting/several_axes.py",
-        old="        if seen.all():\n",
-        new="        if seen.any():\n",
-        tests="tests/test_several_axes.py -k 'one_after or leave_an'",
+    *_of(
+        "identification/fitting/several_axes.py",
+        "tests/test_several_axes.py -k 'one_after or leave_an'",
+        ("axes that no force drives", "        if seen.all():\n", "        if seen.any():\n"),
     ),
-    Fault(
-        name="an axis freed within a sample",
-        file="datasets_synthetic/simulation.py",
-        old="np.abs(acting[which] - pull) > friction[which]",
-        new="np.abs(acting[which] - pull) > np.inf",
-        tests="tests/test_rig.py -k frees",
+    *_of(
+        "datasets_synthetic/simulation.py",
+        "tests/test_rig.py -k frees",
+        ("an axis freed within a sample", "] - pull) > friction[which]", "] - pull) > np.inf"),
     ),
     *_of(
         "tune/verification/directions.py",
@@ -853,19 +835,24 @@ FAULTS: tuple[Fault, ...] = (
         ("motion across is judged", "if bent > _MOST_BENT:", "if bent > np.inf:"),
         ("a play that is not cut", "most = min(levels, default=np.inf)", "most = np.inf"),
     ),
-    Fault(
-        name="a wall is not let go of for its motion",
-        file="tune/verification/motion.py",
-        old="elif profile.walls.intersection(combination):",
-        new="elif False:",
-        tests="tests/test_letting_go.py -k a_wall_that",
+    *_of(
+        "tune/verification/motion.py",
+        "tests/test_letting_go.py -k a_wall_that",
+        (
+            "a wall is not let go of for its motion",
+            "elif profile.walls.intersection(combination):",
+            "elif False:",
+        ),
     ),
-    Fault(
-        name="friction stops what is pushed",
-        file="tune/verification/motion.py",
-        old="held = device.coulomb_friction.high / (moved * decay)",
-        new="held = 0.0",
-        tests="tests/test_letting_go.py",
+    *_of(
+        "tune/verification/motion.py",
+        "tests/test_letting_go.py",
+        ("friction stops what is pushed", "device.coulomb_friction.high / (moved * decay)", "0.0"),
+        (
+            "speed that does not fall",
+            "begin is None or speed[max(begin, end - width)] > _FALLEN * speed[begin]",
+            "begin is None",
+        ),
     ),
     *_of(
         "tune/judging.py",
@@ -873,54 +860,35 @@ FAULTS: tuple[Fault, ...] = (
         ("a device that changed is not at its margin", "nearly = unchanged and", "nearly ="),
         ("no more than a hundredth is lost", "error.failures, (1 - _STEP)", "error.failures, 0.5"),
     ),
-    Fault(
-        name="friction is felt",
-        file="tune/judging.py",
-        old="steps=_signed_steps(scale, after - before)",
-        new="steps=0.0",
-        tests="tests/test_audit.py -k friction_is_felt",
+    *_of(
+        "tune/judging.py",
+        "tests/test_audit.py -k friction_is_felt",
+        ("friction is felt", "steps=_signed_steps(scale, after - before)", "steps=0.0"),
     ),
-    Fault(
-        name="no delay of the device is taken away",
-        file="tune/judging.py",
-        old="if not extra_delay_samples >= 0:",
-        new="if not extra_delay_samples >= -1:",
-        tests="tests/test_cli_exits.py -k 'take and away'",
+    *_of(
+        "tune/judging.py",
+        "tests/test_cli_exits.py -k 'take and away'",
+        ("no delay of the device is taken away", " >= 0:", " >= -1:"),
     ),
-    Fault(
-        name="no lines in the name of a node",
-        file="tune/exporters/__init__.py",
-        old="    refuse_strange_node(node)\n",
-        new="",
-        tests="tests/test_ros2.py -k no_node_can_have",
+    *_of(
+        "tune/exporters/__init__.py",
+        "tests/test_ros2.py -k no_node_can_have",
+        ("no lines in the name of a node", "    refuse_strange_node(node)\n", ""),
     ),
-    Fault(
-        name="no encoder whose count is below zero",
-        file="tune/rendering.py",
-        old="if not 0 < number < math.inf:",
-        new="if number == 0:",
-        tests="tests/test_haptune.py -k no_call_can",
+    *_of(
+        "tune/rendering.py",
+        "tests/test_haptune.py -k no_call_can",
+        ("no encoder whose count is below zero", "if not 0 < number < math.inf", "if number == 0"),
     ),
-    Fault(
-        name="gains like a wall keep its lead",
-        file="tune/judging.py",
-        old="met.lead > lead * (1 + _ROUNDED)",
-        new="met.lead > np.inf",
-        tests="tests/test_audit.py -k met_farther",
+    *_of(
+        "tune/judging.py",
+        "tests/test_audit.py -k met_farther",
+        ("gains like a wall keep its lead", ".lead > lead * (1 + _ROUNDED)", ".lead > np.inf"),
     ),
-    Fault(
-        name="speed that does not fall",
-        file="tune/verification/motion.py",
-        old="begin is None or speed[max(begin, end - width)] > _FALLEN * speed[begin]",
-        new="begin is None",
-        tests="tests/test_letting_go.py",
-    ),
-    Fault(
-        name="motion is free where the hand lets go",
-        file="tune/verification/free_motion.py",
-        old="if worst > max(_MORE * usual, small):",
-        new="if worst > np.inf:",
-        tests="tests/test_letting_go.py",
+    *_of(
+        "tune/verification/free_motion.py",
+        "tests/test_letting_go.py",
+        ("motion is free where the hand lets go", " > max(_MORE * usual, small):", " > np.inf:"),
     ),
     *_of(
         "identification/estimators/least_squares.py",

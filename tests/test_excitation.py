@@ -163,13 +163,7 @@ def stored(device: Device, path: Path) -> str:
     return path.name
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name == "homerehab" else pytest.param(name, marks=pytest.mark.long)
-        for name in LIMITS
-    ],
-)
+@pytest.mark.parametrize("name", thinned(LIMITS, 1))
 def test_the_simulated_device_keeps_the_limits_and_comes_back_to_rest(name: str) -> None:
     plan = planned(name)
     limits = plan.spec
@@ -458,13 +452,7 @@ def check_stated(plan: Excitation, *, seed: int, count: int = 200) -> None:
     assert plan.worst[0].speed <= (plan.spec.speed or np.inf)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        name if name == "homerehab" else pytest.param(name, marks=pytest.mark.long)
-        for name in LIMITS
-    ],
-)
+@pytest.mark.parametrize("name", thinned(LIMITS, 1))
 def test_no_device_goes_farther_than_is_stated(name: str) -> None:
     check_stated(planned(name), seed=1)
 

@@ -77,45 +77,26 @@ def _limit(profile: SafeProfile, element: str, effect: EffectName) -> tuple[floa
     return getattr(entry, effect), entry.limited_by[effect]
 
 
+HEAVY: dict[str, Any] = {"also": THICK, "loop": PAIR}
+LEAST: dict[str, Any] = {"wish": "min", "loop": {"velocity_filter_hz": 60.0}}
+LASTING: dict[str, Any] = {"also": DEEP, "device": PROMPT}
+AT_ONCE: dict[str, Any] = {"device": UNLIMITED | PROMPT}
+
+
 @pytest.mark.parametrize(
     ("effect", "word", "tight", "loose"),
-    [
-        pytest.param(
-            "stiffness",
-            "force",
-            {"also": DEEP, "device": PROMPT},
-            {"also": DEEP, "device": UNLIMITED | PROMPT},
-            marks=pytest.mark.long,
-        ),
-        pytest.param(
-            "stiffness",
-            "rendering",
-            {"device": UNLIMITED},
-            {"device": UNLIMITED | PROMPT},
-            marks=pytest.mark.long,
-        ),
-        (
-            "mass",
-            "ripple",
-            {"also": THICK, "loop": PAIR, "ripple_limit": 0.12},
-            {"also": THICK, "loop": PAIR, "ripple_limit": 0.2},
-        ),
-        pytest.param(
-            "stiffness",
-            "delay-margin",
-            {"device": UNLIMITED | PROMPT, "margin": "conservative"},
-            {"device": UNLIMITED | PROMPT, "margin": "balanced"},
-            marks=pytest.mark.long,
-        ),
-        ("damping", "wanted", {"wish": 10.0}, {"wish": "max"}),
-        ("stiffness", "range", {"wish": {"min": 100.0, "max": 300.0}}, {"wish": "max"}),
-        (
-            "damping",
-            "gain-margin",
-            {"wish": "min", "loop": {"velocity_filter_hz": 60.0}},
-            {"wish": "min", "loop": {"velocity_filter_hz": 60.0}, "margin": "firm"},
-        ),
-    ],
+    thinned(
+        [
+            ("mass", "ripple", HEAVY | {"ripple_limit": 0.12}, HEAVY | {"ripple_limit": 0.2}),
+            ("damping", "wanted", {"wish": 10.0}, {"wish": "max"}),
+            ("stiffness", "range", {"wish": {"min": 100.0, "max": 300.0}}, {"wish": "max"}),
+            ("damping", "gain-margin", LEAST, LEAST | {"margin": "firm"}),
+            ("stiffness", "force", LASTING, LASTING | AT_ONCE),
+            ("stiffness", "rendering", {"device": UNLIMITED}, AT_ONCE),
+            ("stiffness", "delay-margin", AT_ONCE | {"margin": "conservative"}, AT_ONCE),
+        ],
+        4,
+    ),
 )
 def test_each_limit_binds_and_relaxing_it_lets_the_value_grow(
     effect: EffectName, word: str, tight: dict[str, Any], loose: dict[str, Any]

@@ -41,11 +41,11 @@ SHORTEST_FADE, LONGEST_FADE = 0.1, 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
-    """Virtual stiffness K, damping B and mass M; numbers, or arrays that broadcast, not copied.
+    """Virtual stiffness K, damping B and mass M; numbers, or arrays whose shapes broadcast.
 
     ``None`` says that the effect is not there at all, which is not the same as zero: without any
     stiffness the position is free by design and the pole at z = 1 is not held against the loop,
-    while a stiffness of zero leaves the loop marginal and is not stable.
+    while a stiffness of zero leaves the loop marginal and is not stable. Arrays are not copied.
 
     Attributes:
         stiffness: K, N/m (N·m/rad if rotary).

@@ -424,7 +424,7 @@ class _Search:
         """Try points from one on to one that is worth more than all around it."""
         kept = self._objective(point).kept
         every = sum(kept) == sum(self.wished.values())
-        # Beyond the highest cut-off there is no filter, and nothing has a slope.
+        # Beyond the highest cut-off there is no filter, and nothing to climb.
         free = [i for i in free if self.axes[i].hertz(point[i]) is not None]
         if not free:
             return

@@ -1097,7 +1097,7 @@ def are_caught(faults: Sequence[Fault]) -> bool:
             copies.put(Path(name) / str(number))
         words = [word for fault in faults for word in shlex.split(fault.tests)]
         files = sorted({word for word in words if word.startswith("tests/")})
-        sound = run_pytest(Path(name) / "0", f"-n{_AT_ONCE}", *files)
+        sound = run_pytest(Path(name) / "0", f"-n{_AT_ONCE}", *files, longest=3 * _LONGEST)
         if sound.returncode:
             print(f"tests fail without any fault:\n{sound.stdout[-2000:]}")
             return False

@@ -329,8 +329,9 @@ def _hands(hands: Sequence[Hand]) -> Hand:
 
 
 #: What is not at rest in the end is played again, so many times as long: what dies out slowly is
-#: told from what lasts.
-_LONGER = 3
+#: told from what lasts. What would be refused then, once more where a device that is let go of
+#: takes longer than a trial.
+_LONGER, _LONGEST = 3, 12
 #: What is less than the slowest motion of the linear loop leaves, at this part of its rate, is also
 #: dying out: springs may be at a thirty-second of their gain.
 _AT_LEAST = 1 / 64
@@ -410,7 +411,8 @@ def rehearse(
             are out of the way before.
         hand: that holds the handle, or None for hands off only.
         others: devices with the same modes and sample time that this one may be as well.
-        duration: of each trial, s; three times as long where anything is not at rest by then.
+        duration: of each trial, s; three times as long where anything is not at rest by then, and
+            twelve times where it would be refused then and m/b is longer than this.
         reach: displacement of the release and height of the fall, m (rad), a number or shape
             (batch,); None for 1000 counts.
         push: the force limit that the pushes are measured by, N (N·m), a number or shape
@@ -435,7 +437,9 @@ def rehearse(
     ends: dict[int, Ending] = {}
     rates = _slowest_rates(controller, conditions, sizes.batch)
     left: list[int] = list(range(len(plays)))
-    for samples in (sizes.samples, _LONGER * sizes.samples):
+    slow = any(np.any(each.mass > duration * each.damping) for each in (rig, *others))
+    for times in (1, _LONGER, _LONGEST) if slow else (1, _LONGER):
+        samples = times * sizes.samples
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
         seen, grown, pushes = _played(
@@ -456,7 +460,9 @@ def rehearse(
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
-        left = [k for k in left if not ends[k].at_rest]
+        left = [
+            k for k in left if (ends[k].verdict != "settles" if times > 1 else not ends[k].at_rest)
+        ]
         if not left:
             break
     return tuple(

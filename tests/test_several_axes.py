@@ -313,6 +313,19 @@ def test_logs_that_leave_an_axis_alone_are_refused_with_its_name() -> None:
     assert "Drive all axes at once" in refused.value.findings[0].remedy
 
 
+def test_a_spring_on_one_of_several_axes_is_refused_with_what_it_moves() -> None:
+    """What is commanded moves the device, once a spring on y has taken its part a sample later."""
+    seen = motion(MASS, DAMPING, FRICTION, seed=1)
+    place = np.pad(seen.truth[0, :, 1], (0, 2), mode="edge")
+    x, y = seen.log().axes
+    y = replace(y, force=y.force + 50.0 * (place[1:-1] + place[2:]) / 2)
+    pulled = replace(seen.log(), axes=(x, y))
+    with pytest.raises(LogRefusedError, match="acts on axis y: mass 3") as refused:
+        identify(pulled, hardware=hardware(), method="least-squares")
+    (found,) = (each for each in refused.value.findings if each.code == "gravity")
+    assert "springs" in found.remedy
+
+
 class _Loop:
     """Both axes, sampled, held, delayed and filtered, with one law on both and a wall."""
 

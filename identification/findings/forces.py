@@ -34,7 +34,7 @@ _LEAST_GAIN = 0.3
 _LEAST_SHARE = 0.02  # the rms force of position is at least this part of the rms force
 #: A shift of mass or damping by less than this part is beyond what these coarse rows can tell.
 _MATTERS = 0.05
-_REMEDY = (
+POSITION_REMEDY = (
     "Level or counterbalance the axis, take off springs and cables, or subtract the known force of "
     "gravity from the force column."
 )
@@ -60,7 +60,7 @@ def position_dependence(
         f"{share:.0%} of the force rms, acts in {trajectory.source}; the estimate has a term "
         "for it",
         needed=f"below {_LEAST_SHARE:.0%}",
-        remedy=_REMEDY,
+        remedy=POSITION_REMEDY,
     )
 
 
@@ -84,7 +84,7 @@ def _uncarried(
         seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel, explains "
         f"{gain:.0%} of what the other terms leave over in {trajectory.source}; it shifts {moves}",
         needed=f"shifts below {_MATTERS:.0%}" if refused else f"below {_LEAST_SHARE:.0%}",
-        remedy=_REMEDY,
+        remedy=POSITION_REMEDY,
     )
 
 

@@ -31,6 +31,7 @@ from identification.estimators.least_squares import find_delay, longest_delay, p
 from identification.estimators.motion import distinguishable_terms
 from identification.estimators.reciprocity import UnequalCoupling, unequal_couplings
 from identification.findings import inspect
+from identification.findings.forces import POSITION_REMEDY
 from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
 from identification.readers.columns import say_gains_by_axis
 from identification.trajectory import (
@@ -55,6 +56,8 @@ _ALIKE = 1e-3
 _MOST_DELAYS, _SETTLED = 6, 0.2
 #: s, the least standard deviation of a delay.
 _EXACT = 1e-9
+#: Standard deviations by which a force of position may move what an axis shows alone.
+_MOVED = 3.0
 _NEGATED = (
     "Negate the force of {axis} in the log, force being positive along +position; --force-gain -1 "
     "does that where it is in N (N·m)."
@@ -131,7 +134,7 @@ def fit_axes(
         + tuple(
             _of_axis(each, joint.logs[0].names, place, fit.trajectory.source)
             for place, fit in enumerate(joint.alone)
-            for each in fit.findings
+            for each in _of_alone(joint, place)
         )
         + tuple(
             each.of(_sources(joint.logs)) for each in (*_not_told_apart(joint), *_unequal(joint))
@@ -208,6 +211,30 @@ def _of_axis(finding: Finding, axes: Sequence[str], place: int, source: str) -> 
         finding = replace(finding, remedy=_NEGATED.format(axis=axes[place]))
     said = say_gains_by_axis(finding.remedy, axes, place)
     return replace(finding, remedy=said).of(source)
+
+
+def _of_alone(joint: _JointFit, place: int) -> Iterator[Finding]:
+    """Findings of an axis alone; ``gravity`` is a refusal, for the matrices have no term for it."""
+    fit, axis = joint.alone[place], joint.logs[0].names[place]
+    pulled = fit.estimate.model.gravity != "none"
+    known = {which: joint.estimate.told(f"{which}_{axis}_{axis}") for which in ("mass", "damping")}
+    moved = any(
+        abs(fit.estimate.value(which) - value) > _MOVED * deviation
+        for which, (value, deviation) in known.items()
+    )
+    said = [each for each in fit.findings if not (pulled and each.code == "gravity")]
+    yield from said
+    if pulled and (moved or len(said) < len(fit.findings)):
+        seen = ", ".join(
+            f"{which} {fit.estimate.value(which):.4g} with it and {known[which][0]:.4g} without"
+            for which in known
+        )
+        yield refusal(
+            "gravity",
+            seen=f"a force of position acts on axis {axis}: {seen}",
+            needed="none, for mass and damping matrices are estimated without a term for it",
+            remedy=POSITION_REMEDY,
+        )
 
 
 def _inspected(logs: tuple[Trajectories, ...], hardware: Hardware) -> tuple[Finding, ...]:

@@ -1,9 +1,10 @@
 """Tuning against closed forms, brute force, relaxed limits and true devices."""
 
-import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import permutations, product
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -387,16 +388,26 @@ def test_no_safe_trade_of_one_effect_for_another_has_a_larger_product(
         assert faults(sizes | traded) != [], traded
 
 
+class _Slow:
+    """The precision of balls, of which each change lets other threads go on."""
+
+    @property
+    def prec(self) -> int:
+        return ctx.prec
+
+    @prec.setter
+    def prec(self, bits: int) -> None:
+        ctx.prec = bits
+        time.sleep(1e-3)
+
+
 def test_threads_find_what_one_finds_and_leave_the_precision_of_balls_as_it_was() -> None:
-    device, before, usual = load_device("homerehab"), ctx.prec, sys.getswitchinterval()
-    scene = Scene.model_validate({"elements": {"water": {"damping": 10.0}}})
-    alone = optimise(device, scene)
-    sys.setswitchinterval(1e-6)
-    try:
-        with ThreadPoolExecutor(3) as threads:
-            found = [*threads.map(lambda _: optimise(device, scene), range(6))]
-    finally:
-        sys.setswitchinterval(usual)
-        after, ctx.prec = ctx.prec, before
+    """Each has a damper of its own: what one has proved is remembered."""
+    device, before = load_device("homerehab"), ctx.prec
+    waters = [{"elements": {"water": {"damping": 10.0 + each}}} for each in range(3)]
+    scenes = [Scene.model_validate(each) for each in waters]
+    with mock.patch("tune.certificate.poles.ctx", _Slow()), ThreadPoolExecutor(3) as threads:
+        found = [*threads.map(lambda each: optimise(device, each).digest, scenes)]
+    after, ctx.prec = ctx.prec, before
     assert after == before
-    assert {each.digest for each in found} == {alone.digest}
+    assert found == [optimise(device, each).digest for each in scenes]

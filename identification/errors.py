@@ -219,20 +219,26 @@ def typed(function: Callable[_Given, _Answer]) -> Callable[_Given, _Answer]:
     Raises:
         UsageError: the argument, its type, and what to give.
     """
-    given = signature(function).parameters.values()
-    wanted = {each.name: str(each.annotation).split(" | ") for each in given}
+    given = signature(function).parameters
+    wanted: dict[str, tuple[list[str], str]] = {}
+    for name, each in given.items():
+        kinds = str(each.annotation).split(" | ")
+        taken = dict.fromkeys(_TAKEN[kind] for kind in kinds if kind in _TAKEN)
+        if taken and "Sequence[" not in str(each.annotation):
+            wanted[name] = kinds, " or ".join(taken)
 
     @wraps(function)
     def validated(*values: _Given.args, **options: _Given.kwargs) -> _Answer:
-        for name, value in (*zip(wanted, values, strict=False), *options.items()):
+        for name, value in (*zip(given, values, strict=False), *options.items()):
+            if name not in wanted:
+                continue
+            kinds, taken = wanted[name]
             own = type(value)
             known = {"None" if value is None else each.__name__ for each in own.__mro__}
             known |= {"File", "PathLike[str]"} if isinstance(value, str | PathLike) else set()
             known |= {"float"} if isinstance(value, Real) else set()
-            kinds = wanted.get(name, ())
-            taken = dict.fromkeys(_TAKEN[each] for each in kinds if each in _TAKEN)
-            if taken and known.isdisjoint(kinds) and "Sequence[" not in "".join(kinds):
-                raise UsageError(name, f"is of type {own.__name__}", f"Give {' or '.join(taken)}")
+            if known.isdisjoint(kinds):
+                raise UsageError(name, f"is of type {own.__name__}", f"Give {taken}")
         return function(*values, **options)
 
     return validated

@@ -234,8 +234,8 @@ class _Search:
                 value, self.sizes = best[0], best[1]
                 self.methods.append(best[2])
             # One solver alone only compares filters, for which any good answer does.
-            settled = len(self.backends) == 1 or self._settled(rank)
-            if settled and (attempt > 0 or apart <= SAME or len(self.backends) == 1):
+            alone = len(self.backends) == 1
+            if alone or ((attempt > 0 or apart <= SAME) and self._settled(rank)):
                 if np.isfinite(apart):
                     self.disagreement = max(self.disagreement, apart)
                 break

@@ -133,10 +133,9 @@ def moved_view(
     hertz = {"velocity_filter_hz": velocity_filter, "acceleration_filter_hz": acceleration_filter}
     given = {name: value for name, value in hertz.items() if value is not None}
     filters = replace(filters_of(safe.loop), **given)
-    gains = {"stiffness": stiffness, "damping": damping, "mass": mass}
     found = audit(
         _read(ident.load_device, inside(device)),
-        Effects(**gains),
+        Effects(stiffness=stiffness, damping=damping, mass=mass),
         filters=filters,
         margin=margin,
         extra_delay_samples=extra_delay_samples,

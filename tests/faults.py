@@ -718,8 +718,8 @@ FAULTS: tuple[Fault, ...] = (
         ("an axis with the other sign", "except NoMassError:", "except ZeroDivisionError:"),
         (
             "a spring on one of several axes",
-            "if pulled and (moved or",
-            "if not known and (moved or",
+            "if moved or any(each.code",
+            "if not known and any(each.code",
         ),
     ),
     *_of(

@@ -216,15 +216,16 @@ def _of_axis(finding: Finding, axes: Sequence[str], place: int, source: str) -> 
 def _of_alone(joint: _JointFit, place: int) -> Iterator[Finding]:
     """Findings of an axis alone; ``gravity`` is a refusal, for the matrices have no term for it."""
     fit, axis = joint.alone[place], joint.logs[0].names[place]
-    pulled = fit.estimate.model.gravity != "none"
+    if fit.estimate.model.gravity == "none":
+        yield from fit.findings
+        return
     known = {which: joint.estimate.told(f"{which}_{axis}_{axis}") for which in ("mass", "damping")}
     moved = any(
         abs(fit.estimate.value(which) - value) > _MOVED * deviation
         for which, (value, deviation) in known.items()
     )
-    said = [each for each in fit.findings if not (pulled and each.code == "gravity")]
-    yield from said
-    if pulled and (moved or len(said) < len(fit.findings)):
+    yield from (each for each in fit.findings if each.code != "gravity")
+    if moved or any(each.code == "gravity" for each in fit.findings):
         seen = ", ".join(
             f"{which} {fit.estimate.value(which):.4g} with it and {known[which][0]:.4g} without"
             for which in known

@@ -15,6 +15,7 @@ from tune import NoFeasibleEffectError, SafeProfile, Scene, load_scene, optimise
 #: Written values have six digits; of cut-offs that do nearly as well the least filtering is taken.
 DIGITS, NEARLY = 1e-5, 0.01
 FILTERS: dict[str, Any] = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 30.0}
+LOW_PASS = {"acceleration_filter": "low-pass"}
 
 
 def _tuned(elements: dict[str, Any], device: str = "homerehab", **scene: Any) -> SafeProfile:
@@ -36,7 +37,7 @@ def test_a_mass_that_is_felt_as_damping_is_refused_for_that_and_told_as_what(
 ) -> None:
     """Two low-pass poles turn a part of it into damping, at 5 Hz half of the device's own."""
     with pytest.raises(NoFeasibleEffectError) as caught:
-        _tuned({"it": {"mass": wanted}})
+        _tuned({"it": {"mass": wanted}}, loop=LOW_PASS)
     told = str(caught.value)
     assert "limited by rendering" in told
     found = re.search(r"with (\S+) kg a hand would feel .* and \S+ to (\S+) N·s/m of damp", told)
@@ -222,9 +223,19 @@ def test_a_wanted_value_of_less_than_a_step_is_told_how_much_one_is(wanted: floa
     assert played.perceived_steps["damping"] == pytest.approx(1.0, abs=0.01)
 
 
+def test_a_mass_that_no_low_pass_keeps_is_played_by_another_filter_unless_one_is_stated() -> None:
+    """As by kinds that are free; what is lost for want of damping in the device changes nothing."""
+    elements = {"cup": {"mass": "max"}, "feather": {"damping": -0.01}}
+    profile = _tuned(elements)
+    assert profile.elements["cup"].mass > 1.1
+    assert profile.loop.acceleration_filter == "tracking"
+    free = _tuned(elements, loop={"acceleration_filter": "free"})
+    assert (profile.loop, profile.elements) == (free.loop, free.elements)
+
+
 def test_a_mass_that_no_filter_keeps_leaves_that_of_another_element() -> None:
     beside = {"stiffness": 400.0, "mass": 1.0, "damping": "max"}
-    profile = _tuned({"lone": {"mass": "max"}, "held": beside})
+    profile = _tuned({"lone": {"mass": "max"}, "held": beside}, loop=LOW_PASS)
     alone = _tuned({"held": beside})
     assert profile.elements["lone"].mass == 0
     assert profile.elements["held"] == alone.elements["held"]
@@ -256,7 +267,7 @@ def test_what_helps_is_told_once_and_fits() -> None:
     (note,) = _tuned({"it": {"damping": -5.0}}).notes
     assert re.search(r"\. Ask for -3\.97\d N·s/m or closer to zero$", note)
     with pytest.raises(NoFeasibleEffectError, match=r"damping\. Ask for damping beside it$"):
-        _tuned({"it": {"mass": "max"}})
+        _tuned({"it": {"mass": "max"}}, loop=LOW_PASS)
     filters = {"velocity_filter_hz": "none", "acceleration_filter_hz": 64.3}
     held = _tuned({"it": {"mass": -20.0, "damping": 80.0}}, loop=filters)
     assert held.notes[0].endswith("or closer to zero, or for more damping beside it")

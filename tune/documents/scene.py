@@ -392,8 +392,8 @@ Cutoff = Annotated[
 class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
-    It is a low-pass where no kind is stated. Where the kind is ``free`` too, kind and order are
-    chosen with the cut-off, and the damping ratio unless it is stated.
+    Unstated, the kind is a low-pass, or free where that would drop an effect. Where it is ``free``,
+    kind and order are chosen with the cut-off, and the damping ratio unless it is stated.
 
     Attributes:
         velocity_filter: kind of the filter behind the backward difference.
@@ -459,6 +459,12 @@ class LoopFreedom(Document):
         tracks = getattr(self, f"{which}_filter") == "tracking"
         order = getattr(self, f"{which}_filter_order") or DIFFERENCES[which] + 2 * tracks
         return "tracking" if tracks else "low-pass", order
+
+    def is_usual(self, which: Derivative) -> bool:
+        """Whether a filter could be of another kind: its cut-off is free and no kind is stated."""
+        stated = getattr(self, f"{which}_filter") or getattr(self, f"{which}_filter_order")
+        windowed = which == "velocity" and self.velocity_window_samples is not None
+        return not stated and not windowed and getattr(self, f"{which}_filter_hz") == "free"
 
     def kinds(self, which: Derivative) -> tuple[tuple[FilterKind, int], ...]:
         """Kinds and orders to choose from where they are free, else the stated one."""

@@ -70,7 +70,7 @@ def choose_filters(
     damper, the other for a mass. What cannot be kept with the best of all that is left out once
     more, and looked for without it: first what its element cannot keep by itself. The best of other
     kinds follow, each with what groups that use filters are worth with it at most: nothing is
-    proved here.
+    proved here. A kind that nobody stated is free where the usual one leaves its effect out.
     """
     search, done = _search_of(task, say), frozenset[str]()
     best = search.best()
@@ -86,7 +86,25 @@ def choose_filters(
         names += ["filter_damping_ratio"] * all(each.order < 2 for each in used)
         found = replace(found, **{name: getattr(best, name) for name in names})
         best = search.better(found, best)
-    return search.ranked(best)
+    wider = _with_free_kinds(task, best, search.left_out(best))
+    return search.ranked(best) if wider == task else choose_filters(wider, say)
+
+
+def _with_free_kinds(task: DesignTask, filters: Filters, lost: frozenset[str]) -> DesignTask:
+    """The task with free kinds of the filters of lost effects, where none is stated.
+
+    Not of what is lost with any filter, for its wish or the limit of force.
+    """
+    loop, free = task.scene.loop, dict[str, str]()
+    for label in lost - dict(task.left_out).keys():
+        problem = problem_of(task, elements=[label.rpartition(".")[0]], filters=filters)
+        (index,) = (place for place, u in enumerate(problem.unknowns) if u.label == label)
+        unknown, nothing = problem.unknowns[index], np.zeros(len(problem.unknowns))
+        most = problem.linear.bounds(nothing, index).get("force", math.inf)
+        if unknown.effect in _USES and unknown.low <= min(unknown.high, most):
+            which = DERIVATIVES[_USES.index(unknown.effect)]
+            free |= {f"{which}_filter": "free"} if loop.is_usual(which) else {}
+    return replace(task, scene=task.scene.model_copy(update={"loop": loop.model_copy(update=free)}))
 
 
 def _hopeless(

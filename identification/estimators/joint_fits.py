@@ -39,6 +39,8 @@ _DELAY_STEP = 0.05
 _WEIGHED, _SINGULAR = 0.01, 1e-9
 #: Friction of an axis is estimated if least squares find this many deviations of it.
 _CLEAR = 3.0
+#: Readings that range over fewer deviations of their noise are of an axis that stands.
+_STILL = 6.0
 #: Directions this much weaker than the strongest carry nothing but rounding.
 _NOTHING = 1e-13
 
@@ -325,7 +327,20 @@ class _Playing:
         noise = [[table.signals.noise for table in part.tables] for part in parts]
         deviations = np.array(noise) / span + np.array(bends) * span
         least = np.finfo(float).tiny + self.sizes[self._tail(0)][: self.prepared.count]
-        return np.array(speeds), np.maximum(deviations, least)
+        stands = np.array([self._stands(part) for part in range(len(parts))])[:, None]
+        return np.where(stands, 0.0, speeds), np.maximum(np.where(stands, 0.0, deviations), least)
+
+    def _stands(self, part: int) -> bool:
+        """Whether all axes of a log stand when it begins: readings are still, friction holds.
+
+        A speed that friction ends at once the motion does not tell.
+        """
+        looked = slice(self.first, self.first + FIRST_LOOK)
+        friction, offset = self.prepared.model.friction(self.prepared.solve())
+        noise = [table.signals.noise for table in self.prepared.parts[part].tables]
+        still = np.ptp(self.measured[part][looked], axis=0) < _STILL * np.array(noise)
+        held = np.max(np.abs(self.forces[part][looked] - offset), axis=0) < friction
+        return bool(np.all(still & held))
 
     def weighed(
         self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray

@@ -86,8 +86,11 @@ def choose_filters(
         names += ["filter_damping_ratio"] * all(each.order < 2 for each in used)
         found = replace(found, **{name: getattr(best, name) for name in names})
         best = search.better(found, best)
-    wider = _with_free_kinds(task, best, search.left_out(best))
-    return search.ranked(best) if wider == task else choose_filters(wider, say)
+    lost = search.left_out(best)
+    wider = _with_free_kinds(task, best, lost)
+    if wider != task and _hopeless(wider, say, lost) < lost:
+        return choose_filters(wider, say)
+    return search.ranked(best)
 
 
 def _with_free_kinds(task: DesignTask, filters: Filters, lost: frozenset[str]) -> DesignTask:

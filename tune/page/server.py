@@ -22,6 +22,7 @@ from typing import Any
 
 import uvicorn
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import to_json
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
@@ -192,7 +193,9 @@ class Page:
         if view is None:
             raise HTTPException(404)
         asked = _ASKED.validate_json(await request.body())
-        return JSONResponse(await asyncio.to_thread(view, self.path, **asked))
+        told = await asyncio.to_thread(view, self.path, **asked)
+        content = to_json(told, inf_nan_mode="null", fallback=lambda array: array.tolist())
+        return Response(content, media_type="application/json")
 
     async def run(self, request: Request) -> Response:
         """Run a command in the folder; every tab is told its stages, who asked its result."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from pydantic import validate_call
 
 import identification as ident
-from identification import Device, IdentificationError, LogColumns, QuestionError
+from identification import IdentificationError, LogColumns, QuestionError
 from tune.documents.profile import load_profile
-from tune.documents.scene import MARGINS, UNITS, Effects, MarginName
+from tune.documents.scene import UNITS, Effects, MarginName
 from tune.judging import audit
 from tune.loop.loop import Filters, filters_of
 from tune.loop.state_space import Corner, SampledLoop, corners_of
@@ -29,18 +29,12 @@ _Answer = TypeVar("_Answer")
 #: The path of a name within the folder; any other is refused.
 Inside: TypeAlias = Callable[[str], Path]
 
-#: Parts of a curve, of each of which the least and the largest value are drawn.
-_PARTS = 1200
 #: Names that no column has, so that the reader tells those that there are.
-_NO_COLUMN, _USUAL = LogColumns(time="\0t", force="\0f", position="\0x"), LogColumns()
-#: Places at which a region is drawn, fewer while a slider moves; those of what is felt.
-_PLACES, _MOVING, _FELT = 160, 24, 61
-#: Part of the continuous force that is the step, N where no limit is stated; s of the answer.
-_STEP, _WITHOUT_LIMIT, _SPAN = 0.1, 1.0, 0.5
+_NO_COLUMN = LogColumns(time="\0t", force="\0f", position="\0x")
 
 
 @validate_call
-def log_view(inside: Inside, file: str, columns: LogColumns = _USUAL) -> dict[str, object]:
+def log_view(inside: Inside, file: str, columns: LogColumns | None = None) -> dict[str, object]:
     """Names of the columns of a log, and those chosen as curves; or why there are none."""
     path = inside(file)
     told: dict[str, object] = {"names": _read(_names, path), "curves": {}}
@@ -49,9 +43,8 @@ def log_view(inside: Inside, file: str, columns: LogColumns = _USUAL) -> dict[st
     except IdentificationError as error:
         return told | {"reading": str(error)}
     curves = {name: thinned(log.time, column) for name, column in log.columns() if name != "time"}
-    rate = f"{len(log)} rows, {1 / log.sample_time:.4g} Hz"
-    reading = ", ".join(filter(None, (rate, log.read_as)))
-    return told | {"reading": reading, "curves": curves}
+    about = f"{len(log)} rows", f"{1 / log.sample_time:.4g} Hz", log.read_as
+    return told | {"reading": ", ".join(filter(None, about)), "curves": curves}
 
 
 def _names(path: Path) -> tuple[str, ...]:
@@ -73,21 +66,19 @@ def _once(load: Callable[..., _Answer], path: Path, stamp: int, *how: object) ->
     return load(path, *how)
 
 
-def thinned(time: FloatArray, column: FloatArray, parts: int = _PARTS) -> list[list[float]]:
+def thinned(
+    time: FloatArray, column: FloatArray, parts: int = 1200
+) -> tuple[FloatArray, FloatArray]:
     """(times, values) of a curve with the least and the largest value of each part, and its ends.
 
     Time and column have shape (rows,).
     """
-    count = column.size
-    kept = np.arange(count)
-    if count > 2 * parts:
-        each = count // parts
-        blocks = column[: each * parts].reshape(parts, each)
-        starts = np.arange(parts) * each
-        kept = np.concatenate([starts + blocks.argmin(1), starts + blocks.argmax(1), [0]])
-        rest = np.arange(each * parts, count)  # fewer than a part has rows
-        kept = np.unique(np.concatenate([kept, rest, [count - 1]]))
-    return [time[kept].tolist(), column[kept].tolist()]
+    last, each = column.size - 1, -(-column.size // parts)
+    whole = np.pad(column, (0, parts * each - column.size), mode="edge").reshape(parts, each)
+    starts = each * np.arange(parts)
+    kept = np.concatenate([starts + whole.argmin(1), starts + whole.argmax(1), [0, last]])
+    kept = np.unique(kept.clip(max=last))
+    return time[kept], column[kept]
 
 
 @validate_call
@@ -127,7 +118,8 @@ def moved_view(
     """What ``haptune audit`` tells where the sliders of an element stand; what is seen beside it.
 
     Filters are cut-offs, those of the profile where they are None; ``ends`` are the dampings
-    between which the region was drawn. Only what was asked to be proved can be.
+    between which the region was drawn, at fewer places while a slider moves. The step is a tenth
+    of the continuous force, or 1 N. Only what was asked to be proved can be.
     """
     safe = _read(load_profile, inside(profile))
     hertz = {"velocity_filter_hz": velocity_filter, "acceleration_filter_hz": acceleration_filter}
@@ -142,46 +134,26 @@ def moved_view(
         like=(safe, element),
         proved=proved,
     )
-    later = found.design.device
+    boundaries, later = Boundaries.of(found.design), found.design.device
     if ends is None or not ends[0] <= damping <= ends[1]:
-        seen = min(damping, 0.0), max(damping, 0.0)
-        ends = Boundaries.on(later, filters, MARGINS[margin]).ends(seen, mass)
+        ends = boundaries.ends((min(damping, 0.0), max(damping, 0.0)), mass)
     limit = later.force_limit
-    force = _STEP * limit.continuous if limit and limit.continuous else _WITHOUT_LIMIT
-    samples, sizes = np.arange(0.0, _SPAN, later.sample_time.value), (stiffness, damping, mass)
-    frequency = np.geomspace(SLOWEST, BEYOND, _FELT)
-    felt = felt_over_frequency(later, filters, frequency, *sizes)
+    force = 0.1 * limit.continuous if limit and limit.continuous else 1.0
+    samples, sizes = np.arange(0.0, 0.5, later.sample_time.value), (stiffness, damping, mass)
+    frequency = np.geomspace(SLOWEST, BEYOND, 61)
     return {
         "table": plain_table(audit_table(found)),
         "faults": [f"{each.limit}: {each.seen}; needed: {each.needed}" for each in found.faults],
         "safe": found.safe,
         "ends": ends,
-        "region": _region(later, filters, margin, ends, mass, _PLACES if proved else _MOVING),
+        "region": boundaries.plane(ends, mass, 160 if proved else 24),
         "step": [
-            thinned(samples, step_response(each, filters, sizes, force, samples.size), _PARTS // 8)
+            thinned(samples, step_response(each, filters, sizes, force, samples.size), 150)
             for each in corners_of(later, later.simultaneous_box())
         ],
         "force": force,
-        "felt": _plain(frequency, *felt),
+        "felt": (frequency, *felt_over_frequency(later, filters, frequency, *sizes)),
     }
-
-
-@remembered
-def _region(
-    device: Device,
-    filters: Filters,
-    margin: MarginName,
-    ends: tuple[float, float],
-    mass: float,
-    places: int,
-) -> list[list[float | None]]:
-    """Neither stiffness nor damping of the element moves it."""
-    return _plain(*Boundaries.on(device, filters, MARGINS[margin]).plane(ends, mass, places))
-
-
-def _plain(*columns: FloatArray) -> list[list[float | None]]:
-    """Numbers as JSON has them: none for what is not finite."""
-    return [[each if np.isfinite(each) else None for each in c.tolist()] for c in columns]
 
 
 def step_response(

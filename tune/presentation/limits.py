@@ -44,7 +44,7 @@ _BEYOND = 1.15
 _HARDLY = 1e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Boundaries:
     """The largest stiffness for given damping and mass, on the device of a design."""
 
@@ -110,6 +110,7 @@ class Boundaries:
         most = self.damping_with_margin(0.0, damping[1], mass)
         return _BEYOND * damping[0], _BEYOND * max(most, damping[1], 0.1 * self.damping)
 
+    @remembered
     def plane(
         self, ends: tuple[float, float], mass: float, places: int
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

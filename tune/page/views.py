@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import validate_call
 
 import identification as ident
@@ -17,20 +16,17 @@ from tune.documents.profile import load_profile
 from tune.documents.scene import UNITS, Effects, MarginName
 from tune.judging import audit
 from tune.loop.loop import Filters, filters_of
-from tune.loop.state_space import Corner, SampledLoop, corners_of
+from tune.loop.polynomials import FloatArray
+from tune.loop.state_space import Corner, Mechanism, SampledLoop, corners_of
 from tune.optimisation.region import remembered
 from tune.presentation.limits import Boundaries
 from tune.presentation.page import plain_table
 from tune.presentation.tables import audit_table, device_table, effects_table, verdict_on
 from tune.rendering import BEYOND, SLOWEST, felt_over_frequency
 
-FloatArray = NDArray[np.float64]
 _Answer = TypeVar("_Answer")
 #: The path of a name within the folder; any other is refused.
 Inside: TypeAlias = Callable[[str], Path]
-
-#: Names that no column has, so that the reader tells those that there are.
-_NO_COLUMN = LogColumns(time="\0t", force="\0f", position="\0x")
 
 
 @validate_call
@@ -48,8 +44,9 @@ def log_view(inside: Inside, file: str, columns: LogColumns | None = None) -> di
 
 
 def _names(path: Path) -> tuple[str, ...]:
+    """Names of the columns, which the reader tells where it is asked for others."""
     try:
-        ident.load_trajectory(path, _NO_COLUMN)
+        ident.load_trajectory(path, LogColumns(time="\0t", force="\0f", position="\0x"))
     except IdentificationError as error:
         return error.choices if isinstance(error, QuestionError) else ()
     return ()
@@ -61,8 +58,7 @@ def _read(load: Callable[..., _Answer], path: Path, *how: object) -> _Answer:
 
 
 @remembered
-def _once(load: Callable[..., _Answer], path: Path, stamp: int, *how: object) -> _Answer:
-    del stamp
+def _once(load: Callable[..., _Answer], path: Path, _: int, *how: object) -> _Answer:
     return load(path, *how)
 
 
@@ -165,18 +161,16 @@ def step_response(
     friction, counts and hands are left out.
     """
     loop = SampledLoop.of(place, filters, gains)
-    plant, size = loop.plant, len(loop.plant.drive)
-    drive = np.zeros(size)
-    drive[plant.speed : 2 * plant.speed] = plant.read[: plant.speed] / place.mass
-    # The state with a one below it, so that one matrix advances it and pushes.
+    # The state with a one below it, so that one matrix advances it and pushes: behind any lag.
+    push = Mechanism.of(replace(place, current_lag=0.0)).held(place.sample_time)[1]
     advance = np.eye(len(loop.read) + 1)
     advance[:-1, :-1] = loop.pushed
-    advance[:size, -1] = replace(plant, drive=drive).held(place.sample_time)[1] * force
+    advance[: push.size, -1] = push * force
     states = np.eye(len(advance))[:, -1:]
     while states.shape[1] < samples:
         states = np.hstack([states, advance @ states])
         advance = advance @ advance
-    motion = loop.read @ states[:-1] if gains[0] else states[plant.speed]
+    motion = loop.read @ states[:-1] if gains[0] else states[loop.plant.speed]
     return np.asarray(np.nan_to_num(motion[:samples]), dtype=np.float64)
 
 

@@ -76,7 +76,8 @@ class Served:
         line.request("GET", f"/{self.token}/alive/")
         with closing(line), line.getresponse() as beats:
             while beat := beats.readline():
-                yield beat.decode().strip()
+                if beat.startswith(b"data:"):
+                    yield beat.decode().removeprefix("data:").strip()
 
 
 @contextmanager

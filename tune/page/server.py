@@ -8,7 +8,6 @@ commands and by what a person saves, whole or not at all, with backups.
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import re
 import secrets
@@ -25,7 +24,6 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic_core import to_json
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.middleware import Middleware
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
@@ -52,10 +50,6 @@ _TEXT = re.compile(r"--(((time|force|position)(-gain)?)|reference|to)=[^\0]*")
 #: What is asked for: words of a command, or of a view; bytes at most, of a log of 1e6 rows.
 _WORDS, _ASKED, _LARGEST = TypeAdapter(list[str]), TypeAdapter(dict[str, Any]), 200_000_000
 _SCHEMA = re.compile(rb"^schema: haptune/(\w+)/", re.MULTILINE)
-#: Files that are listed at most, and bytes of each that are looked at.
-_MOST_FILES, _HEAD = 1000, 4096
-#: Seconds between two signs of life, and after the last tab was closed: a reload takes less.
-_BEAT, _GRACE = 0.2, 3.0
 #: A command, of what this page itself is made of: nothing in the folder takes its place.
 _PROGRAM = "import sys; sys.path[:] = {path!r}; from tune.cli import main; main()"
 
@@ -65,11 +59,9 @@ def serve(folder: Path, port: int, tell: Callable[[str], None]) -> None:
 
     Port 0 takes any that is free. Raises OSError where the port is taken.
     """
-    # Named as TCP, asyncio sends an answer's body without waiting until its head has arrived.
-    with socket.socket(proto=socket.IPPROTO_TCP) as door:
-        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        door.bind(("127.0.0.1", port))
-        door.listen()
+    with socket.create_server(("127.0.0.1", port)) as door:
+        # An answer's body is sent without waiting until its head has arrived.
+        door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         page = Page(folder.resolve())
         tell(f"http://127.0.0.1:{door.getsockname()[1]}/{page.token}/")
         page.server.run(sockets=[door])
@@ -85,7 +77,7 @@ class Page:
         self.process: asyncio.subprocess.Process | None = None
         self.running = asyncio.Lock()
         self.stage = ""
-        own = [
+        routes = [
             Route("/", self.own_file),
             Route("/{name:str}", self.own_file),
             Route("/alive/", self.alive),
@@ -95,16 +87,15 @@ class Page:
             Route("/run/", self.run, methods=["POST"]),
             Route("/stop/", self.stop, methods=["POST"]),
         ]
-        kinds = (IdentificationError, TuneError, UnicodeDecodeError, ValidationError)
+        kinds = (IdentificationError, TuneError, OSError, UnicodeDecodeError, ValidationError)
         app = Starlette(
-            routes=[Mount("/" + self.token, routes=own)],
-            middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=["127.0.0.1"])],
+            routes=[Mount("/" + self.token, routes=routes)],
             exception_handlers=dict.fromkeys(kinds, _refused),
             lifespan=self._life,
         )
-        self.server = uvicorn.Server(
-            uvicorn.Config(app, log_level="error", access_log=False, timeout_graceful_shutdown=2)
-        )
+        own = TrustedHostMiddleware(app, allowed_hosts=["127.0.0.1"])
+        config = uvicorn.Config(own, log_level="error", timeout_graceful_shutdown=2)
+        self.server = uvicorn.Server(config)
 
     @asynccontextmanager
     async def _life(self, _: Starlette) -> AsyncGenerator[None]:
@@ -117,8 +108,7 @@ class Page:
         """A path within the folder, links followed; any other is refused."""
         try:
             found = (self.folder / name).resolve()
-            found.exists()  # or raises where nothing can have that name
-        except (OSError, ValueError):
+        except ValueError:
             raise HTTPException(400, "no path") from None
         if not found.is_relative_to(self.folder):
             raise HTTPException(403, "outside of the folder")
@@ -138,7 +128,13 @@ class Page:
             raise HTTPException(413, f"more than {_LARGEST} bytes: put the file there yourself")
         content = await request.body()
         if path.suffix == ".yaml":
-            content = self.checked(path, content.decode()).encode()
+            mapping = ident.load_mapping(path, content.decode())
+            if str(mapping.get("schema")).startswith("haptune/hardware/"):
+                facts = ident.parse_document(ident.Hardware, mapping, path.name)
+                text = ident.to_yaml(ident.to_mapping(facts), "Stated by a person; SI units.")
+                content = text.encode()
+            else:
+                self.path(ident.parse_document(Scene, mapping, path.name).perception)
             if _kind_of(path) not in {"", "hardware", "scene"}:
                 raise HTTPException(403, "would replace what only a command writes")
         elif path.parent != self.folder or _kind_of(path) != "log":
@@ -146,32 +142,21 @@ class Page:
         replaced = ident.write_bytes(path, content)
         return JSONResponse({"backup": "" if replaced is None else replaced.backup.name})
 
-    def checked(self, path: Path, text: str) -> str:
-        """The text of a scene, as it is, or of hardware, in the order of its file."""
-        content = ident.load_mapping(path, text)
-        if str(content.get("schema")).startswith("haptune/hardware/"):
-            facts = ident.parse_document(ident.Hardware, content, path.name)
-            return ident.to_yaml(ident.to_mapping(facts), "Stated by a person; SI units.")
-        scene = ident.parse_document(Scene, content, path.name)
-        if scene.perception != "default":
-            self.path(scene.perception)
-        return text
-
-    async def alive(self, request: Request) -> Response:
-        """What runs, a line a beat, as long as a tab looks; when the last has gone, it ends."""
+    async def alive(self, _: Request) -> Response:
+        """What runs, an event a beat, as long as a tab looks; when the last has gone, it ends."""
 
         async def beats() -> AsyncGenerator[str]:
             self.tabs += 1
             try:
-                while not (self.server.should_exit or await request.is_disconnected()):
-                    yield self.stage + "\n"
-                    await asyncio.sleep(_BEAT)
+                while not self.server.should_exit:
+                    yield f"data: {self.stage}\n\n"
+                    await asyncio.sleep(0.2)
             finally:
                 self.tabs -= 1
-                wait = 0.0 if self.server.should_exit else _GRACE
+                wait = 0.0 if self.server.should_exit else 3.0  # s: a reload takes less
                 asyncio.get_running_loop().call_later(wait, self._leave)
 
-        return StreamingResponse(beats(), media_type="text/plain")
+        return StreamingResponse(beats(), media_type="text/event-stream")
 
     def _leave(self) -> None:
         if not self.tabs:
@@ -179,12 +164,11 @@ class Page:
             self._end()
 
     async def listing(self, _: Request) -> Response:
-        """Files of the folder with their kinds."""
-        found = [
-            {"name": path.name, "kind": kind}
-            for path in sorted(self.folder.iterdir())[:_MOST_FILES]
-            if path.is_file() and (kind := _kind_of(path))
-        ]
+        """Files of the folder by their kind, at most a thousand."""
+        found: dict[str, list[str]] = {}
+        for path in sorted(self.folder.iterdir())[:1000]:
+            if path.is_file():
+                found.setdefault(_kind_of(path), []).append(path.name)
         return JSONResponse({"folder": str(self.folder), "files": found})
 
     async def show(self, request: Request) -> Response:
@@ -228,7 +212,7 @@ class Page:
             said, code = await reading, await process.wait()
             self.stage = ""
             ended = {"exit_code": code, "message": "it was ended", "outputs": (), "findings": ()}
-            return JSONResponse(json.loads(said) if said else ended)
+            return Response(said or to_json(ended), media_type="application/json")
 
     async def stop(self, _: Request) -> Response:
         """Ask the command that runs to end, as Ctrl-C does."""
@@ -238,8 +222,7 @@ class Page:
         """Whether a command runs, which is asked to end."""
         if self.process is None or self.process.returncode is not None:
             return False
-        with suppress(ProcessLookupError):
-            self.process.terminate()
+        self.process.terminate()
         return True
 
 
@@ -257,10 +240,10 @@ def _sent(path: Path, policy: str) -> Response:
 
 
 def _kind_of(path: Path) -> str:
-    """What a file is by its ending, or a YAML document by its schema; "" for neither."""
+    """What a file is by its ending, or a YAML document by a schema at its head; "" for neither."""
     if path.suffix != ".yaml":
         return "log" if path.suffix.lower() in ident.LOG_ENDINGS else ""
     with suppress(OSError), path.open("rb") as stream:
-        found = _SCHEMA.search(stream.read(_HEAD))
+        found = _SCHEMA.search(stream.read(4096))
         return "" if found is None else found[1].decode()
     return ""

@@ -7,6 +7,7 @@ export const SCALES = {
   log: [Math.log10, (p) => 10 ** p],
 };
 const LEFT = 58, RIGHT = 12, TOP = 8, BOTTOM = 36;
+const within = (value, [low, high]) => low <= value && value <= high;
 const escaped = (text) => String(text).replace(/[&<>"]/g, (letter) => `&#${letter.charCodeAt()};`);
 
 /** A little more than all values, where nothing else is asked for. */
@@ -17,8 +18,6 @@ function around(values) {
   return [low - room, high + room];
 }
 
-const within = (value, [low, high]) => low <= value && value <= high;
-
 /** Round values of an axis, as far apart as a fifth of it or less; of a logarithmic one the decades. */
 function ticks([low, high], scale) {
   const [to, from] = scale === "log" ? SCALES.log : SCALES.linear;
@@ -28,17 +27,16 @@ function ticks([low, high], scale) {
   return Array.from({ length: count }, (_, row) => Number(from((first + row) * step).toPrecision(6)));
 }
 
-/** Draw lines, areas, spans and the points within the axes; ``x`` and ``y`` tell label, scale and ends. */
+/** Draw lines, areas, spans and the points within the axes; ``x`` and ``y`` tell label and scale. */
 export function chart(where, { title, x, y = {}, lines, points = [], spans = [], height = 240 }) {
   where.classList.add("chart");
   const width = Math.max(where.clientWidth, 240), floor = height - BOTTOM;
-  const along = (value, [to], [low, high], from, size) =>
+  const along = ([to], [low, high], from, size) => (value) =>
     (from + ((to(Math.min(Math.max(value, low), high)) - to(low)) / (to(high) - to(low))) * size).toFixed(1);
-  const [sx, sy] = [SCALES[x.scale ?? "linear"], SCALES[y.scale ?? "linear"]];
-  const ex = x.ends ?? [lines[0].x[0], lines[0].x.at(-1)];
+  const ex = [lines[0].x[0], lines[0].x.at(-1)];
   const ey = y.ends ?? around(lines.flatMap((each) => each.y));
-  const px = (value) => along(value, sx, ex, LEFT, width - LEFT - RIGHT);
-  const py = (value) => along(value, sy, ey, floor, TOP - floor);
+  const px = along(SCALES[x.scale ?? "linear"], ex, LEFT, width - LEFT - RIGHT);
+  const py = along(SCALES[y.scale ?? "linear"], ey, floor, TOP - floor);
   const text = (left, top, words, anchor = "middle") =>
     `<text x="${left}" y="${top}" text-anchor="${anchor}">${escaped(words)}</text>`;
   const drawn = [
@@ -49,11 +47,10 @@ export function chart(where, { title, x, y = {}, lines, points = [], spans = [],
       const closed = kind.startsWith("area") ? `V${floor}H${px(across[0])}Z` : "";
       return `<path class="${kind}" d="M${path.join("L")}${closed}"/>`;
     }),
-    ...spans.map(({ from, to, words }) => {
-      const size = Math.max(px(to) - px(from), 2);
-      return `<rect class="span" x="${px(from)}" width="${size}" y="${TOP}" height="${floor - TOP}"/>${text(px(from), TOP + 12, words, "start")}`;
-    }),
-    ...points.filter((each) => within(each.x, ex) && within(each.y, ey)).map(({ x: at, y: up, words, now }, row) => {
+    ...spans.map(([low, high, words]) =>
+      `<path class="span" d="M${px(low)} ${TOP}H${Math.max(px(high), +px(low) + 2)}V${floor}H${px(low)}Z"/>` +
+      text(px(low), TOP + 12, words, "start")),
+    ...points.filter(([at, up]) => within(at, ex) && within(up, ey)).map(([at, up, words, now], row) => {
       const last = px(at) > width - 90;
       const name = text(+px(at) + (last ? -8 : 8), py(up) - 6 - 11 * (row % 3), words, last ? "end" : "start");
       return `<circle class="point ${now ? "now" : ""}" r="${now ? 5 : 4}" cx="${px(at)}" cy="${py(up)}"/>${name}`;

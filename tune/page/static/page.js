@@ -9,28 +9,21 @@ const make = (tag, given = {}, ...inside) => {
 };
 const shell = (words) => ["haptune", ...words].map((w) => (/^[\w./:+@=,-]+$/.test(w) ? w : `'${w}'`)).join(" ");
 const chosen = (kind) => $(`${kind}-file`).value;
-const KINDS = ["log", "device", "scene", "profile"];
-const seen = { files: [], findings: [], outputs: [], text: "", profile: null, state: {}, start: "", ends: null };
-
-function say(words, bad = false) {
-  $("said").textContent = words;
-  $("said").classList.toggle("is-refusal", bad);
-}
+const read = (file) => ask("show/document", { file });
+const tell = (id, textContent, className = "") => Object.assign($(id), { textContent, className });
+const seen = { files: {}, findings: [], outputs: [], text: "" };
 
 async function ask(path, body, method = "POST") {
-  const raw = body instanceof File || typeof body === "string";
-  const answer = await fetch(path, { method, body: raw ? body : JSON.stringify(body) });
+  const answer = await fetch(path, { method, body: method === "PUT" ? body : JSON.stringify(body) });
   if (!answer.ok) throw new Error(await answer.text());
   return answer.json();
 }
 
 /** Do what was asked for; what is refused is said. Beside each button stands what it runs. */
 async function guarded(work) {
-  try {
-    await work();
-  } catch (error) {
-    say(error.message, true);
-  }
+  await work().catch((error) => tell("said", error.message, "is-refusal"));
+  $("shown").hidden = !seen.profile;
+  $("reported").hidden = !seen.outputs.includes("report.html");
   for (const button of document.querySelectorAll("[data-run]")) {
     const words = wordsOf(button);
     button.disabled = words.includes("");
@@ -38,37 +31,34 @@ async function guarded(work) {
   }
 }
 
-/** The choices of a box; what was chosen stays chosen, else the usual one is. */
-function offer(box, names, usual) {
-  const before = box.value || usual;
-  box.replaceChildren(...names.map((name) => make("option", { value: name }, name || "as named")));
-  if (names.includes(before)) box.value = before;
+/** The choices of a box, of which the first that is wished for and there is chosen. */
+function offer(box, names, ...wishes) {
+  const wanted = wishes.find((name) => names.includes(name));
+  box.replaceChildren(...names.map((name) => new Option(name || "as named", name, false, name === wanted)));
 }
 
-async function list() {
+/** The files that there are: what was written is chosen, then what was before, then the usual one. */
+async function list(written = []) {
   const { folder, files } = await (await fetch("folder/")).json();
   $("folder").textContent = folder;
   seen.files = files;
-  for (const kind of KINDS) {
-    const names = files.filter((file) => file.kind === kind).map((file) => file.name);
-    offer($(`${kind}-file`), names, `${kind}.yaml`);
-  }
+  for (const kind of ["log", "device", "scene", "profile"])
+    offer($(`${kind}-file`), files[kind] ?? [], ...written, chosen(kind), `${kind}.yaml`);
+  if (written.includes(chosen("scene"))) seen.text = $("scene-text").value;
 }
 
-/** Put a file into the folder. */
 async function put(name, content) {
   const { backup } = await ask(`file/${encodeURIComponent(name)}`, content, "PUT");
-  await list();
-  say(`written: ${name}${backup ? `; the file before is ${backup}` : ""}`);
+  await list([name]);
+  tell("said", `written: ${name}${backup ? `; the file before is ${backup}` : ""}`);
 }
 
 async function run(button) {
-  say("");
+  tell("said", "");
   const { exit_code, message, outputs, findings } = await ask("run/", wordsOf(button));
-  say(message ?? (outputs.length ? `written: ${outputs.join(", ")}` : ""), exit_code !== 0);
-  await list();
-  for (const kind of KINDS) if (outputs.includes(`${kind}.yaml`)) $(`${kind}-file`).value = `${kind}.yaml`;
-  if (outputs.includes("scene.yaml")) seen.text = $("scene-text").value;
+  const written = outputs.length ? `written: ${outputs.join(", ")}` : "";
+  tell("said", message ?? written, exit_code ? "is-refusal" : "");
+  await list(outputs);
   if (!$("log").hidden) seen.findings = findings;
   seen.outputs.push(...outputs);
   if (!exit_code && button.dataset.next) location.hash = button.dataset.next;
@@ -76,9 +66,8 @@ async function run(button) {
 }
 
 // Log -----------------------------------------------------------------------------------------
-
 const UNITS = { force: "N (N·m)", position: "m (rad)", reference: "m (rad)" };
-const stated = () => seen.files.some((file) => file.name === "hardware.yaml");
+const stated = () => seen.files.hardware?.includes("hardware.yaml");
 
 /** What the fields of a form say, of which a name may lead into a group; blank ones are left out. */
 function gather(form) {
@@ -86,16 +75,15 @@ function gather(form) {
   for (const { name, value, tagName } of form.elements) {
     const [key, inner] = name.split(".");
     const meant = tagName === "SELECT" || Number.isNaN(+value) ? value : +value;
-    if (name && value.trim()) found[key] = inner ? { ...found[key], [inner]: meant } : meant;
+    if (value.trim()) found[key] = inner ? { ...found[key], [inner]: meant } : meant;
   }
   return found;
 }
 
 async function showFacts() {
-  seen.facts = stated() ? (await ask("show/document", { file: "hardware.yaml" })).content : {};
+  seen.facts = stated() ? (await read("hardware.yaml")).content : {};
   for (const field of $("facts").elements) {
-    const [key, inner] = field.name.split(".");
-    const fact = inner ? seen.facts[key]?.[inner] : seen.facts[key];
+    const fact = field.name.split(".").reduce((group, key) => group?.[key], seen.facts);
     field.value = fact?.value ?? fact ?? "";
   }
 }
@@ -103,11 +91,10 @@ async function showFacts() {
 async function showLog() {
   if (!chosen("log")) return;
   const told = await ask("show/log", { file: chosen("log"), columns: gather($("columns")) });
-  for (const box of $("columns").querySelectorAll("select")) offer(box, ["", ...told.names], "");
+  for (const box of $("columns").querySelectorAll("select")) offer(box, ["", ...told.names], box.value);
   $("reading").textContent = told.reading;
   $("curves").replaceChildren();
-  const spans = seen.findings.flatMap(({ at, code }) =>
-    at.map(([from, to], row) => ({ from, to, words: row ? "" : code })));
+  const spans = seen.findings.flatMap(({ at, code }) => at.map((ends, row) => [...ends, row ? "" : code]));
   for (const [name, [x, y]] of Object.entries(told.curves)) {
     const where = $("curves").appendChild(make("div"));
     const lines = [{ x, y, kind: "line" }];
@@ -124,7 +111,6 @@ async function showLog() {
 }
 
 // Device and scene ----------------------------------------------------------------------------
-
 function table({ headings, rows, numeric, title, lines }) {
   const row = (cells, tag) => make("tr", {}, ...cells.map((text, place) => make(tag, { className: numeric[place] ? "number" : "" }, text)));
   const made = make("table", {}, make("caption", {}, title), row(headings, "th"), ...rows.map((cells) => row(cells, "td")));
@@ -140,68 +126,59 @@ function add(kind, wishes) {
 }
 
 async function showDevice() {
-  if (chosen("device"))
-    $("device-table").replaceChildren(table((await ask("show/document", { file: chosen("device") })).table));
+  if (chosen("device")) $("device-table").replaceChildren(table((await read(chosen("device"))).table));
   if (!chosen("scene") || $("scene-text").value !== seen.text) return;
-  seen.text = $("scene-text").value = (await ask("show/document", { file: chosen("scene") })).text;
+  seen.text = $("scene-text").value = (await read(chosen("scene"))).text;
 }
 
 // Profile -------------------------------------------------------------------------------------
-
 const MARGINS = ["firm", "balanced", "conservative"];
 const SLIDES = { ...SCALES, margin: [(word) => MARGINS.indexOf(word), (place) => MARGINS[place]] };
 
 /** Nothing of a profile is shown beside the name of another, or of one that is refused. */
 async function showProfile() {
   const file = chosen("profile");
-  const same = seen.profile?.file === file;
+  $("shown").hidden ||= seen.profile?.file !== file;
   seen.profile = null;
-  try {
-    $("shown").hidden ||= !same;
-    const told = file ? await ask("show/document", { file }) : null;
-    if (file === chosen("profile")) seen.profile = told && { ...told, file };
-  } finally {
-    $("shown").hidden = !seen.profile;
-  }
-  if (!seen.profile) return;
-  const { content, verdict, table: limits } = seen.profile;
-  $("verdict").textContent = verdict;
-  $("limits").replaceChildren(table(limits), ...content.notes.map((note) => make("p", {}, note)));
-  offer($("element"), Object.keys(content.elements), "");
+  if (!file) return;
+  const told = await read(file);
+  if (file !== chosen("profile")) return;
+  seen.profile = { ...told, file };
+  $("verdict").textContent = told.verdict;
+  $("limits").replaceChildren(table(told.table), ...told.content.notes.map((note) => make("p", {}, note)));
+  offer($("element"), Object.keys(told.content.elements), $("element").value);
   start();
 }
 
 /** The sliders of the chosen element, where the profile has it. */
 function start() {
   const { units, content: { device, loop, margin, elements } } = seen.profile;
-  const { stiffness, damping, mass, one_sided } = elements[$("element").value];
-  const [m, b, rate] = [device.mass.value, device.damping.value, 1 / loop.sample_time];
+  const { stiffness, damping, mass, one_sided: wall } = elements[$("element").value];
+  const [m, b] = [device.mass.value, device.damping.value];
+  const hertz = [0.001 / loop.sample_time, 0.5 / loop.sample_time];
   const most = (effect, least) => 2 * Math.max(least, ...Object.values(elements).map((each) => Math.abs(each[effect])));
-  seen.state = {
-    stiffness, damping, mass, margin: margin.name, extra_delay_samples: 0,
-    velocity_filter: loop.velocity_filter_hz, acceleration_filter: loop.acceleration_filter_hz,
-  };
   const sliders = [
-    ["stiffness", `stiffness K, ${units.stiffness}`, "root", one_sided ? 1 : 0, most("stiffness", 100)],
-    ["damping", `damping B, ${units.damping}`, "root", one_sided ? 0 : -b, most("damping", 10 * b)],
-    ["mass", `mass M, ${units.mass}`, "root", -0.9 * m, most("mass", m)],
-    ["velocity_filter", "velocity cut-off, Hz", "log", rate / 1000, rate / 2],
-    ["acceleration_filter", "acceleration cut-off, Hz", "log", rate / 1000, rate / 2],
-    ["margin", "margin", "margin", "firm", "conservative"],
-    ["extra_delay_samples", "more delay, samples", "linear", 0, 4],
+    ["stiffness", stiffness, `stiffness K, ${units.stiffness}`, "root", wall ? 1 : 0, most("stiffness", 100)],
+    ["damping", damping, `damping B, ${units.damping}`, "root", wall ? 0 : -b, most("damping", 10 * b)],
+    ["mass", mass, `mass M, ${units.mass}`, "root", -0.9 * m, most("mass", m)],
+    ["velocity_filter", loop.velocity_filter_hz, "velocity cut-off, Hz", "log", ...hertz],
+    ["acceleration_filter", loop.acceleration_filter_hz, "acceleration cut-off, Hz", "log", ...hertz],
+    ["margin", margin.name, "margin", "margin", "firm", "conservative"],
+    ["extra_delay_samples", 0, "more delay, samples", "linear", 0, 4],
   ];
-  const used = sliders.filter(([key]) => seen.state[key] != null && !(one_sided && key === "mass"));
+  const used = sliders.filter(([key, value]) => value != null && !(wall && key === "mass"));
   $("sliders").replaceChildren(...used.map(slider));
+  seen.state = Object.fromEntries(sliders);
   seen.start = JSON.stringify(seen.state);
   move(true);
 }
 
-function slider([key, words, scale, low, high]) {
+function slider([key, value, words, scale, low, high]) {
   const [to, from] = SLIDES[scale];
   const step = scale === "margin" ? 1 : "any";
   const slide = make("input", { type: "range", min: to(low), max: to(high), step, id: `slide-${key}` });
-  const exact = make("output", {}, seen.state[key]);
-  slide.value = to(seen.state[key]);
+  const exact = make("output", {}, value);
+  slide.value = to(value);
   slide.oninput = () => {
     const moved = from(+slide.value);
     seen.state[key] = exact.textContent = scale === "margin" ? moved : Number(moved.toPrecision(4));
@@ -210,52 +187,44 @@ function slider([key, words, scale, low, high]) {
   return make("label", {}, make("span", {}, words), slide, exact);
 }
 
-const moving = { wanted: null, busy: false, rest: 0 };
 /** Ask for where the sliders stand: at once while they move, to be proved when they rest. */
 async function move(proved) {
   if (!seen.profile) return;
-  const moved = JSON.stringify(seen.state) !== seen.start;
-  $("whole").disabled = moved;
-  if (moved) mark("not proved", "open");
+  $("whole").disabled = JSON.stringify(seen.state) !== seen.start;
+  if ($("whole").disabled) tell("mark", "not proved", "open");
   const files = { device: chosen("device"), profile: chosen("profile"), element: $("element").value };
-  moving.wanted = { ...files, ...seen.state, ends: proved ? null : seen.ends, proved };
-  clearTimeout(moving.rest);
-  if (!proved) moving.rest = setTimeout(() => move(true), 400);
-  if (moving.busy) return;
-  moving.busy = true;
+  const before = seen.wanted;
+  seen.wanted = { ...files, ...seen.state, ends: proved ? null : seen.ends, proved };
+  clearTimeout(seen.rest);
+  if (!proved) seen.rest = setTimeout(() => move(true), 400);
+  if (before) return;
   await guarded(async () => {
-    while (moving.wanted) {
-      const asked = moving.wanted;
-      moving.wanted = null;
+    for (let asked; asked !== seen.wanted; ) {
+      asked = seen.wanted;
       const told = await ask("show/moved", asked);
       if (asked.profile === seen.profile?.file) draw(told, asked);
     }
   });
-  moving.busy = false;
-}
-
-function mark(words, kind) {
-  Object.assign($("mark"), { textContent: words, className: kind });
+  seen.wanted = null;
 }
 
 function draw(told, { device, profile, element, ends, proved, ...state }) {
   const { units, content: { elements } } = seen.profile;
   seen.ends = told.ends;
   const rested = told.safe ? "this element alone is proved safe; the whole is not proved" : "not safe as it stands";
-  if (JSON.stringify(seen.state) === seen.start) mark(`proved: ${profile}`, "proved");
-  else mark(proved ? rested : "not proved", "open");
+  if ($("whole").disabled) tell("mark", proved ? rested : "not proved", "open");
+  else tell("mark", `proved: ${profile}`, "proved");
   const given = Object.entries(state).flatMap(([key, now]) => (now ? [`--${key.replaceAll("_", "-")}`, now] : []));
   $("audited").textContent = shell(["audit", device, "--like", `${profile},${element}`, ...given]);
   $("faults").replaceChildren(...told.faults.map((words) => make("li", { className: "is-refusal" }, words)));
   $("audit").replaceChildren(table(told.table));
   const [damping, best, worst, safe] = told.region;
-  const points = Object.entries({ ...elements, [element]: state }).map(([words, each]) => (
-    { x: each.damping, y: each.stiffness, words, now: words === element }
-  ));
+  const all = Object.entries({ ...elements, [element]: state });
+  const points = all.map(([words, each]) => [each.damping, each.stiffness, words, words === element]);
   const high = 1.15 * Math.max(...safe, state.stiffness) || Math.max(...best.filter(Number.isFinite)) || 1;
   chart($("region"), {
     title: `stable stiffness and damping at M = ${state.mass} ${units.mass}`, points,
-    x: { label: `damping B, ${units.damping}`, scale: "root", ends: told.ends },
+    x: { label: `damping B, ${units.damping}`, scale: "root" },
     y: { scale: "root", ends: [0, high] },
     lines: [
       { x: damping, y: best, kind: "area pale", name: "stable, best estimate" },
@@ -279,13 +248,11 @@ function draw(told, { device, profile, element, ends, proved, ...state }) {
 }
 
 // Wiring --------------------------------------------------------------------------------------
-
 const SHOW = { log: showLog, device: showDevice, profile: showProfile };
 async function view() {
   const name = location.hash.slice(1) in SHOW ? location.hash.slice(1) : "log";
   for (const each of Object.keys(SHOW)) $(each).hidden = each !== name;
   for (const link of document.querySelectorAll("nav a")) link.toggleAttribute("aria-current", link.hash === `#${name}`);
-  $("reported").hidden = !seen.outputs.includes("report.html");
   await guarded(SHOW[name]);
 }
 
@@ -306,19 +273,18 @@ document.onclick = ({ target }) => {
   if (target.id === "cancel") ask("stop/", {});
   if (target.id === "back") start();
   if (target.dataset.wishes) add(target.textContent, target.dataset.wishes);
-  if (target.id === "save-scene") guarded(() => put(chosen("scene") || "scene.yaml", (seen.text = $("scene-text").value)));
+  if (target.id === "save-scene") guarded(() => put(chosen("scene") || "scene.yaml", $("scene-text").value));
   if (target.id === "state")
     guarded(() => put("hardware.yaml", JSON.stringify({ schema: "haptune/hardware/1", ...seen.facts, ...gather($("facts")) })));
 };
 document.onchange = ({ target }) => guarded(async () => {
-  if (target.id === "dropped") {
-    const [file] = target.files;
+  const [file] = target.files ?? [];
+  if (file) {
     if (!confirm(`Put ${file.name} into ${$("folder").textContent}?`)) return;
     await put(file.name, file);
-    $("log-file").value = file.name;
   }
   if (target.id === "scene-file") seen.text = $("scene-text").value;
-  if (["dropped", "log-file"].includes(target.id)) {
+  if (file || target.id === "log-file") {
     $("columns").reset();
     Object.assign(seen, { findings: [], outputs: [] });
   }
@@ -328,16 +294,12 @@ window.onhashchange = view;
 window.onresize = () => $("profile").hidden || move(true);
 
 /** Tell what runs, as long as this tab is open. */
-async function beat() {
-  const { body } = await fetch("alive/");
-  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
-  for (let part = await reader.read(); !part.done; part = await reader.read()) {
-    const stage = part.value.trim().split("\n").at(-1);
-    $("job").hidden = !stage;
-    $("stage").textContent = stage;
-  }
-}
-beat().catch(() => {}).finally(() => say("haptune has ended; start it again with haptune open.", true));
+const alive = new EventSource("alive/");
+alive.onmessage = ({ data }) => {
+  $("job").hidden = !data;
+  $("stage").textContent = data;
+};
+alive.onerror = () => tell("said", "haptune has ended; start it again with haptune open.", "is-refusal");
 await guarded(list);
 await guarded(showFacts);
 await view();

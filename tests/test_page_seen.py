@@ -140,7 +140,7 @@ def test_from_a_log_to_a_report_and_a_compiled_guard(
         look(page, f"moved-{width}-{scheme}")
         page.click("#back")
         page.click("#report")
-        expect(page.locator("#reported a")).to_be_visible()
+        expect(page.get_by_role("link", name="Open the report")).to_be_visible()
         page.click("#export")
         expect(page.locator("#said")).to_contain_text("haptune_guard.c")
     assert "12.0" in haptune("check", str(folder / "profile.yaml"), "--json").out

@@ -78,14 +78,13 @@ class Page:
         self.running = asyncio.Lock()
         self.stage = ""
         routes = [
-            Route("/", self.own_file),
-            Route("/{name:str}", self.own_file),
             Route("/alive/", self.alive),
             Route("/folder/", self.listing),
             Route("/file/{path:path}", self.file, methods=["GET", "PUT"]),
             Route("/show/{view}", self.show, methods=["POST"]),
             Route("/run/", self.run, methods=["POST"]),
             Route("/stop/", self.stop, methods=["POST"]),
+            Route("/{name:path}", self.own_file),
         ]
         kinds = (IdentificationError, TuneError, OSError, UnicodeDecodeError, ValidationError)
         app = Starlette(
@@ -116,8 +115,8 @@ class Page:
 
     async def own_file(self, request: Request) -> Response:
         """The page itself, its style and script."""
-        name = request.path_params.get("name", "index.html")
-        return _sent(_STYLE if name == _STYLE.name else _STATIC / Path(name).name, _OWN)
+        name = Path(request.path_params["name"]).name or "index.html"
+        return _sent(_STYLE if name == _STYLE.name else _STATIC / name, _OWN)
 
     async def file(self, request: Request) -> Response:
         """A file of the folder, in which nothing can run; or one that a person puts there."""
@@ -130,6 +129,7 @@ class Page:
         if path.suffix == ".yaml":
             mapping = ident.load_mapping(path, content.decode())
             if str(mapping.get("schema")).startswith("haptune/hardware/"):
+                # In the order of its file; a scene stays as it was written.
                 facts = ident.parse_document(ident.Hardware, mapping, path.name)
                 text = ident.to_yaml(ident.to_mapping(facts), "Stated by a person; SI units.")
                 content = text.encode()

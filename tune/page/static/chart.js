@@ -28,8 +28,7 @@ function ticks([low, high], scale) {
 }
 
 /** Draw lines, areas, spans and the points within the axes; ``x`` and ``y`` tell label and scale. */
-export function chart(where, { title, x, y = {}, lines, points = [], spans = [], height = 240 }) {
-  where.classList.add("chart");
+export function chart(where, { title, x = {}, y = {}, lines, points = [], spans = [], height = 240 }) {
   const width = Math.max(where.clientWidth, 240), floor = height - BOTTOM;
   const along = ([to], [low, high], from, size) => (value) =>
     (from + ((to(Math.min(Math.max(value, low), high)) - to(low)) / (to(high) - to(low))) * size).toFixed(1);
@@ -55,7 +54,7 @@ export function chart(where, { title, x, y = {}, lines, points = [], spans = [],
       const name = text(+px(at) + (last ? -8 : 8), py(up) - 6 - 11 * (row % 3), words, last ? "end" : "start");
       return `<circle class="point ${now ? "now" : ""}" r="${now ? 5 : 4}" cx="${px(at)}" cy="${py(up)}"/>${name}`;
     }),
-    text((LEFT + width - RIGHT) / 2, height - 4, x.label),
+    text((LEFT + width - RIGHT) / 2, height - 4, x.label ?? "time, s"),
   ];
   const legend = lines.filter(({ name }) => name).map(({ kind, name }) =>
     `<span><svg viewBox="0 0 14 7"><path class="${kind}" d="M0 4H14${kind.startsWith("area") ? "V7H0Z" : ""}"/></svg> ${escaped(name)}</span>`);

@@ -23,7 +23,8 @@ async function ask(path, body, method = "POST") {
 async function guarded(work) {
   await work().catch((error) => tell("said", error.message, "is-refusal"));
   $("shown").hidden = !seen.profile;
-  $("reported").hidden = !seen.outputs.includes("report.html");
+  for (const each of document.querySelectorAll("[data-output]"))
+    each.hidden = !seen.outputs.includes(each.dataset.output);
   for (const button of document.querySelectorAll("[data-run]")) {
     const words = wordsOf(button);
     button.disabled = words.includes("");
@@ -61,6 +62,7 @@ async function run(button) {
   await list(outputs);
   if (!$("log").hidden) seen.findings = findings;
   seen.outputs.push(...outputs);
+  if (outputs.includes("fit.png")) $("fit").querySelector("img").src = `file/fit.png?${Date.now()}`;
   if (!exit_code && button.dataset.next) location.hash = button.dataset.next;
   else await view();
 }
@@ -97,8 +99,7 @@ async function showLog() {
   const spans = seen.findings.flatMap(({ at, code }) => at.map((ends, row) => [...ends, row ? "" : code]));
   for (const [name, [x, y]] of Object.entries(told.curves)) {
     const where = $("curves").appendChild(make("div"));
-    const lines = [{ x, y, kind: "line" }];
-    chart(where, { title: `${name}, ${UNITS[name]}`, x: { label: "time, s" }, lines, spans, height: 170 });
+    chart(where, { title: `${name}, ${UNITS[name]}`, lines: [{ x, y, kind: "line" }], spans, height: 170 });
   }
   $("findings").replaceChildren(
     ...seen.findings.flatMap(({ severity, code, at, seen: found, needed, remedy }) => [
@@ -106,8 +107,6 @@ async function showLog() {
       make("dd", {}, `${found}; needed: ${needed}. ${remedy}`),
     ]),
   );
-  $("fit").hidden = !seen.outputs.includes("fit.png");
-  if (!$("fit").hidden) $("fit").querySelector("img").src = `file/fit.png?${Date.now()}`;
 }
 
 // Device and scene ----------------------------------------------------------------------------
@@ -234,7 +233,7 @@ function draw(told, { device, profile, element, ends, proved, ...state }) {
   });
   const answer = state.stiffness > 0 ? `position, ${units.length}` : `speed, ${units.speed}`;
   chart($("step"), {
-    title: `answer to a step of ${told.force.toPrecision(3)} ${units.force}: ${answer}`, x: { label: "time, s" },
+    title: `answer to a step of ${told.force.toPrecision(3)} ${units.force}: ${answer}`,
     lines: told.step.map(([x, y], row) => ({ x, y, kind: "line dark", name: row ? "" : "every corner of the box" })),
   });
   const [hertz, ...felt] = told.felt;

@@ -27,10 +27,10 @@ SCENE = {
 STATE = {"device": "device.yaml", "profile": "profile.yaml", "element": "rubber"}
 
 
-def command_of(state: dict[str, object]) -> list[str]:
+def command_of(state: dict[str, object], profile: str = "profile.yaml") -> list[str]:
     """The audit of gains as those of an element, in words."""
     options = {f"--{key.replace('_', '-')}": str(value) for key, value in state.items()}
-    words = ["audit", "device.yaml", "--like", "profile.yaml,rubber", "--json"]
+    words = ["audit", "device.yaml", "--like", f"{profile},rubber", "--json"]
     return words + [word for pair in options.items() for word in pair]
 
 
@@ -47,6 +47,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (inside / "device.yaml").write_text(to_yaml(to_mapping(device)))
     profile = optimise(device, Scene.model_validate(SCENE))
     (inside / "profile.yaml").write_text(profile.to_yaml())
+    held = Scene.model_validate(SCENE | {"hand": {"mass": 0.01, "damping": 0.1, "stiffness": 5e3}})
+    (inside / "held.yaml").write_text(optimise(device, held).to_yaml())
     plain = Scene.model_validate({"elements": {"rubber": {"stiffness": 900.0}}})
     (inside / "plain.yaml").write_text(optimise(device, plain).to_yaml())
     return inside
@@ -262,15 +264,17 @@ def test_every_number_is_that_of_the_command_in_all_digits(
         assert moving["table"] == resting["table"]
 
 
+@pytest.mark.parametrize("profile", ["profile.yaml", "held.yaml"])
 def test_the_region_is_where_the_margin_of_the_command_ends(
-    page: Served, folder: Path, monkeypatch: pytest.MonkeyPatch
+    page: Served, folder: Path, monkeypatch: pytest.MonkeyPatch, profile: str
 ) -> None:
     monkeypatch.chdir(folder)
-    told = page.ask("show/moved", STATE | {"stiffness": 500.0, "damping": 20.0}).json
+    asked = STATE | {"profile": profile, "stiffness": 500.0, "damping": 20.0}
+    told = page.ask("show/moved", asked).json
     damping, edge = told["region"][0][12], told["region"][3][12]
     assert damping > 0
     for factor, kept in ((0.995, True), (1.005, False)):
-        ended = haptune(*command_of({"damping": damping, "stiffness": factor * edge}))
+        ended = haptune(*command_of({"damping": damping, "stiffness": factor * edge}, profile))
         faults = {each["limit"] for each in ended.result["details"]["faults"]}
         assert ("delay-margin" not in faults and "gain-margin" not in faults) is kept
 

@@ -62,9 +62,7 @@ def _once(load: Callable[..., _Answer], path: Path, _: int, *how: object) -> _An
     return load(path, *how)
 
 
-def thinned(
-    time: FloatArray, column: FloatArray, parts: int = 1200
-) -> tuple[FloatArray, FloatArray]:
+def thinned(time: FloatArray, column: FloatArray, parts: int = 1200) -> list[FloatArray]:
     """(times, values) of a curve with the least and the largest value of each part, and its ends.
 
     Time and column have shape (rows,).
@@ -74,7 +72,7 @@ def thinned(
     starts = each * np.arange(parts)
     kept = np.concatenate([starts + whole.argmin(1), starts + whole.argmax(1), [0, last]])
     kept = np.unique(kept.clip(max=last))
-    return time[kept], column[kept]
+    return [time[kept], column[kept]]
 
 
 @validate_call

@@ -59,9 +59,11 @@ def serve(folder: Path, port: int, tell: Callable[[str], None]) -> None:
 
     Port 0 takes any that is free. Raises OSError where the port is taken.
     """
-    with socket.create_server(("127.0.0.1", port)) as door:
-        # An answer's body is sent without waiting until its head has arrived.
-        door.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    # Named as TCP, asyncio sends an answer's body without waiting until its head has arrived.
+    with socket.socket(proto=socket.IPPROTO_TCP) as door:
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        door.bind(("127.0.0.1", port))
+        door.listen()
         page = Page(folder.resolve())
         tell(f"http://127.0.0.1:{door.getsockname()[1]}/{page.token}/")
         page.server.run(sockets=[door])
@@ -92,8 +94,8 @@ class Page:
             exception_handlers=dict.fromkeys(kinds, _refused),
             lifespan=self._life,
         )
-        own = TrustedHostMiddleware(app, allowed_hosts=["127.0.0.1"])
-        config = uvicorn.Config(own, log_level="error", timeout_graceful_shutdown=2)
+        local = TrustedHostMiddleware(app, allowed_hosts=["127.0.0.1"])
+        config = uvicorn.Config(local, log_level="error", timeout_graceful_shutdown=2)
         self.server = uvicorn.Server(config)
 
     @asynccontextmanager

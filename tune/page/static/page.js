@@ -132,7 +132,7 @@ async function showDevice() {
 
 // Profile -------------------------------------------------------------------------------------
 const MARGINS = ["firm", "balanced", "conservative"];
-const SLIDES = { ...SCALES, margin: [(word) => MARGINS.indexOf(word), (place) => MARGINS[place]] };
+const SLIDES = { ...SCALES, margin: [(word) => MARGINS.indexOf(word), (place) => MARGINS[place], 1] };
 
 /** Nothing of a profile is shown beside the name of another, or of one that is refused. */
 async function showProfile() {
@@ -173,8 +173,7 @@ function start() {
 }
 
 function slider([key, value, words, scale, low, high]) {
-  const [to, from] = SLIDES[scale];
-  const step = scale === "margin" ? 1 : "any";
+  const [to, from, step = "any"] = SLIDES[scale];
   const slide = make("input", { type: "range", min: to(low), max: to(high), step, id: `slide-${key}` });
   const exact = make("output", {}, value);
   slide.value = to(value);
@@ -278,10 +277,8 @@ document.onclick = ({ target }) => {
 };
 document.onchange = ({ target }) => guarded(async () => {
   const [file] = target.files ?? [];
-  if (file) {
-    if (!confirm(`Put ${file.name} into ${$("folder").textContent}?`)) return;
-    await put(file.name, file);
-  }
+  if (file && !confirm(`Put ${file.name} into ${$("folder").textContent}?`)) return;
+  if (file) await put(file.name, file);
   if (target.id === "scene-file") seen.text = $("scene-text").value;
   if (file || target.id === "log-file") {
     $("columns").reset();
@@ -294,10 +291,7 @@ window.onresize = () => $("profile").hidden || move(true);
 
 /** Tell what runs, as long as this tab is open. */
 const alive = new EventSource("alive/");
-alive.onmessage = ({ data }) => {
-  $("job").hidden = !data;
-  $("stage").textContent = data;
-};
+alive.onmessage = ({ data }) => tell("stage", data);
 alive.onerror = () => tell("said", "haptune has ended; start it again with haptune open.", "is-refusal");
 await guarded(list);
 await guarded(showFacts);

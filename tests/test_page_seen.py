@@ -115,6 +115,17 @@ def test_from_a_log_to_a_report_and_a_compiled_guard(
         page.select_option("select[name=motion]", "linear")
         page.click("#state")
         expect(page.locator("#said")).to_contain_text("hardware.yaml")
+        # What was stated otherwise stays so; what is cleared goes.
+        stated = folder / "hardware.yaml"
+        delay = "delay: {value: 0.001, low: 0.0009, high: 0.0011}"
+        stated.write_text(re.sub(r"(?m)^delay: .*$", delay, stated.read_text()) + "serial: A7\n")
+        page.reload()
+        page.fill("[name=name]", "")
+        page.click("#state")
+        expect(page.locator("#said")).to_contain_text("hardware.yaml.bak")
+        assert "low: 0.0009" in stated.read_text()
+        assert "serial: A7" in stated.read_text()
+        assert "name: device" in stated.read_text()
         page.click("#identify")
         page.wait_for_selector("#fit img")
         look(page, f"log-{width}-{scheme}")

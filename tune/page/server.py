@@ -175,7 +175,7 @@ class Page:
 
     async def show(self, request: Request) -> Response:
         """What there is to be seen of a log, a document, or gains that were moved."""
-        view: Any = views.VIEWS.get(request.path_params["view"])
+        view: Any = getattr(views, f"{request.path_params['view']}_view", None)
         if view is None:
             raise HTTPException(404)
         asked = _ASKED.validate_json(await request.body())

@@ -170,7 +170,3 @@ def step_response(
         advance = advance @ advance
     motion = loop.read @ states[:-1] if gains[0] else states[loop.plant.speed]
     return np.asarray(np.nan_to_num(motion[:samples]), dtype=np.float64)
-
-
-#: What the page asks for, by the name under which it does.
-VIEWS = {"log": log_view, "document": document_view, "moved": moved_view}

@@ -86,8 +86,16 @@ async function showFacts() {
   seen.facts = stated() ? (await read("hardware.yaml")).content : {};
   for (const field of $("facts").elements) {
     const fact = field.name.split(".").reduce((group, key) => group?.[key], seen.facts);
-    field.value = fact?.value ?? fact ?? "";
+    field.value = field.dataset.was = fact?.value ?? fact ?? "";
   }
+}
+
+/** The facts that were there, with their intervals, but those that were written anew or cleared. */
+function facts() {
+  const anew = [...$("facts").elements].filter(({ value, dataset }) => value !== dataset.was);
+  const found = { schema: "haptune/hardware/1", ...seen.facts };
+  for (const key of anew.map(({ name }) => name.split(".")[0])) found[key] = gather($("facts"))[key];
+  return JSON.stringify(found);
 }
 
 async function showLog() {
@@ -272,8 +280,7 @@ document.onclick = ({ target }) => {
   if (target.id === "back") start();
   if (target.dataset.wishes) add(target.textContent, target.dataset.wishes);
   if (target.id === "save-scene") guarded(() => put(chosen("scene") || "scene.yaml", $("scene-text").value));
-  if (target.id === "state")
-    guarded(() => put("hardware.yaml", JSON.stringify({ schema: "haptune/hardware/1", ...seen.facts, ...gather($("facts")) })));
+  if (target.id === "state") guarded(() => put("hardware.yaml", facts()));
 };
 document.onchange = ({ target }) => guarded(async () => {
   const [file] = target.files ?? [];

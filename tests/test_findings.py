@@ -95,6 +95,18 @@ def test_hardware_tells_units(force: float, position: float) -> None:
     assert "force-unit" in refusals(other, hardware)
 
 
+@pytest.mark.parametrize(
+    ("times", "codes"), [(2 * np.pi, {"force-unit"}), (6, set()), (1 / 6, set())]
+)
+def test_counts_of_a_turn_apart_are_another_unit(times: float, codes: set[str]) -> None:
+    """An encoder read four or six times finer or coarser than stated is none."""
+    hardware = Hardware(encoder_resolution=quantity(COUNT * times))
+    turning = replace(plain(), motion="rotary")
+    assert refusals(turning, hardware) == codes
+    turning = replace(turning, stated_units=frozenset({"position"}))
+    assert not inspect(turning, hardware)
+
+
 @pytest.mark.parametrize("gain", [1e-3, 1e-6, 1e3])
 def test_a_clock_of_another_unit_is_named_by_its_gain(gain: float) -> None:
     hardware = Hardware(sample_time=quantity(STEP))

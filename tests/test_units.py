@@ -54,6 +54,7 @@ def _versions(device: str) -> tuple[Mangled, ...]:
     return (
         Mangled(device=device, unit="N·mm" if rotary else "mN", force=1000.0),
         Mangled(device=device, unit=place[0], position=place[1]),
+        *([Mangled(device=device, unit="turns", position=0.5 / np.pi)] if rotary else []),
         Mangled(device=device, unit="ms", time=1000.0),
         *(Mangled(device=device, unit=f"A at {k:g} N/A", force=1 / k) for k in constants),
     )

@@ -236,6 +236,7 @@ _UNDER_LIMIT = 0.4
 #: Ratio of the count seen to the count stated above which one of them has another unit: less than
 #: 57, from degrees to radians, and more than interpolation by four to sixteen.
 _COUNT_RATIO = 25.0
+_A_TURN = 0.02  # ... or that is 2π within this part: turns. Six counts to one are 4.5 % away.
 #: Scatter of a reading, in counts stated, from which one of them has another unit where the count
 #: stated is not seen: half a count of noise and the rounding make 33 in degrees.
 _SCATTER = 30.0
@@ -313,14 +314,16 @@ def _against_count(trajectory: Trajectory, hardware: Hardware) -> Iterator[Findi
     if hardware.encoder_resolution is None:
         return
     stated, seen = hardware.encoder_resolution.value, encoder_count(trajectory.position)
-    likely, sure = "", ""
-    if seen is not None and not 1 / _COUNT_RATIO < seen / stated < _COUNT_RATIO:
-        ratio, words = seen / stated, f"steps by {seen:.4g}"
-        needed = f"the same within a factor of {_COUNT_RATIO:g}"
+    likely, sure, ratio = "", ", or --position-gain 1 if it is", (seen or stated) / stated
+    known, rotary = "position" in trajectory.stated_units, trajectory.motion == "rotary"
+    turns = rotary and not known and _is_a_turn(max(ratio, 1 / ratio))
+    if turns or not 1 / _COUNT_RATIO < ratio < _COUNT_RATIO:
+        words, sure = f"steps by {seen:.4g}", sure if turns else ""
+        needed = f"the same within a factor of {_COUNT_RATIO:g}, and not 2π apart, as turns are"
         for unit, size in _LENGTHS[trajectory.motion or "linear"]:
             if abs(ratio * size - 1) < _NAMED:
                 likely = f" (in {unit}: --position-gain {size:.6g})"
-    elif "position" in trajectory.stated_units or abs((seen or 0.0) / stated - 1) < _NAMED:
+    elif known or (seen is not None and abs(ratio - 1) < _NAMED):
         return
     else:
         scatter = position_noise(trajectory.position, trajectory.force, trajectory.steps)
@@ -328,7 +331,6 @@ def _against_count(trajectory: Trajectory, hardware: Hardware) -> Iterator[Findi
             return
         ratio, words = scatter / stated, f"scatters by {scatter:.4g} rms"
         needed = f"at most {_SCATTER:g} times"
-        sure = ", or --position-gain 1 if it is"
     yield refusal(
         "force-unit",
         seen=f"position in {trajectory.source} {words}, {ratio:.3g} times the encoder "
@@ -338,6 +340,10 @@ def _against_count(trajectory: Trajectory, hardware: Hardware) -> Iterator[Findi
         f"--position-gain{likely}{sure}. The encoder resolution is that of the data "
         "sheet, in m (rad) at the handle.",
     )
+
+
+def _is_a_turn(size: float) -> bool:
+    return abs(size / (2 * np.pi) - 1) < _A_TURN
 
 
 def _out_of_reach(trajectory: Trajectory) -> Iterator[Finding]:
@@ -396,7 +402,6 @@ _FASTEST = 8.0
 #: has one range.
 _ALIKE = 0.05
 _LEAST_JUMP = 0.02  # a jump is at least this part of the travel; less is a count or two of noise
-_A_TURN = 0.02  # a range within this part of a turn is named in the message
 
 
 def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
@@ -409,7 +414,7 @@ def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
         return
     jumps = np.diff(trajectory.position)[far]
     size = float(np.median(np.abs(jumps)))
-    turn = trajectory.motion == "rotary" and abs(size / (2 * np.pi) - 1) < _A_TURN
+    turn = trajectory.motion == "rotary" and _is_a_turn(size)
     yield refusal(
         "encoder-wrap",
         seen=f"position in {trajectory.source} jumps {jumps.size} times by {size:.4g}"

@@ -63,17 +63,21 @@ def test_a_counter_that_runs_over_names_its_range(period: float) -> None:
     assert finding.code == "encoder-wrap"
     assert finding.severity == "refusal"
     stated = float(finding.remedy.split("period=")[1].split(")")[0])
-    assert stated == pytest.approx(period, rel=0.02)
+    assert stated == pytest.approx(period, rel=2e-3)  # jump and motion differ by more
+    assert "for position in m" not in finding.remedy
+    (finding,) = inspect(replace(wrapped, stated_units=frozenset({"position"})), Hardware())
+    assert f"period={stated:.6g} for position in m (rad)" in finding.remedy
 
 
-def test_a_turn_is_called_a_turn() -> None:
+@pytest.mark.parametrize("turn", [2 * np.pi, 360.0])
+def test_a_turn_is_called_a_turn(turn: float) -> None:
+    """It jumps by 2 % less while it moves, and the period of numpy.unwrap is the turn itself."""
     time = STEP * np.arange(4000, dtype=np.float64)
-    angle: Array = 9 * np.sin(2 * np.pi * 0.7 * time)
-    trajectory = Trajectory(
-        time=time, force=np.cos(time), position=np.mod(angle, 2 * np.pi), motion="rotary"
-    )
+    angle: Array = 1.5 * turn * np.sin(2 * np.pi * 2 * time)
+    trajectory = Trajectory(time=time, force=np.cos(time), position=np.mod(angle, turn))
     (finding,) = [each for each in inspect(trajectory, Hardware()) if each.code == "encoder-wrap"]
-    assert "one turn" in finding.seen
+    assert f"by {turn:.4g}, one turn," in finding.seen
+    assert "360 in degrees, 6.283185307 in rad" in finding.remedy
 
 
 def test_a_reading_that_is_lost_is_a_jump() -> None:

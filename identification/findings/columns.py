@@ -412,17 +412,23 @@ def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
     far = _jumps(trajectory)
     if not far.any():
         return
-    jumps = np.diff(trajectory.position)[far]
-    size = float(np.median(np.abs(jumps)))
-    turn = trajectory.motion == "rotary" and _is_a_turn(size)
+    steps = np.diff(trajectory.position)
+    moved = np.interp(np.flatnonzero(far), np.flatnonzero(~far), steps[~far])  # beside the jump
+    size = float(np.median(np.abs(steps[far] - moved)))
+    turn = trajectory.motion != "linear" and (_is_a_turn(size) or _is_a_turn(np.deg2rad(size)))
+    period = f"period={size:.6g}"
+    if turn:
+        period = "a turn as period: 360 in degrees, 6.283185307 in rad, 1 in turns"
+    elif "position" in trajectory.stated_units:
+        period += " for position in m (rad)"
     yield refusal(
         "encoder-wrap",
-        seen=f"position in {trajectory.source} jumps {jumps.size} times by {size:.4g}"
+        seen=f"position in {trajectory.source} jumps {moved.size} times by {size:.4g}"
         + (", one turn," if turn else "")
         + " from one sample to the next",
         needed=f"steps of at most {_FASTEST:g} times the others, as mass allows",
         remedy="Where a counter starts anew, add or subtract its range after each jump "
-        f"(numpy.unwrap with period={size:.6g}); where a reading is lost, log it again.",
+        f"(numpy.unwrap with {period}); where a reading is lost, log it again.",
         at=trajectory.spans(np.append(far, False) | np.append(False, far)),
     )
 

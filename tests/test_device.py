@@ -242,6 +242,22 @@ CONTRADICTIONS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"covariance": GOOD, "mass": 3.0},
         ("mass is known within ±0,", "±0.0196"),
     ),
+    "a variance beyond the mass itself": (
+        {"covariance": _joint([4.0])},
+        ("mass is known within ±0.02", "by its covariance within ±3.92"),
+    ),
+    "a huge covariance": (
+        {"covariance": _joint([1e-4, 1e306], [1e306, 4e-2])},
+        ("eigenvalue of its correlations is -1",),
+    ),
+    "a parameter of another name": (
+        {"covariance": GOOD | {"parameters": ["Mass", "damping"]}},
+        ("covariance names 'Mass', which is no quantity of this device",),
+    ),
+    "an end of an interval that is lost": (
+        {"mass": {"value": 3.0, "high": 3.02}},
+        ("mass: has high alone; an interval needs low and high",),
+    ),
     "degrees of freedom": (
         {"covariance": GOOD | {"degrees_of_freedom": 6000.0}},
         ("6000 degrees_of_freedom", "5000 samples"),

@@ -121,7 +121,8 @@ CASES: tuple[tuple[str, str, Any, bool], ...] = (
     ("scene", "schema", "haptune/scene/2", False),
     *(("scene", "loop/velocity_filter_hz", f, True) for f in ("none", "free", 49.5)),
     *(("scene", "loop/velocity_filter_hz", f, False) for f in ("fast", 0, True, [50])),
-    *(("device", "mass", q, True) for q in (3, 3.5, {"value": 3}, {"value": 3, "low": 2})),
+    *(("device", "mass", q, True) for q in (3, 3.5, {"value": 3})),
+    *(("device", "mass", {"value": 3, end: 3}, False) for end in ("low", "high")),
     *(("device", "mass", q, False) for q in ("3", True, None, {}, {"low": 2}, [3])),
     ("device", "delay", 0, True),
     ("device", "force_limit/peak", ..., False),
@@ -131,7 +132,7 @@ CASES: tuple[tuple[str, str, Any, bool], ...] = (
     *((("device", "damping_by_direction", one, False)) for one in NO_PAIRS),
     ("device", "gravity", {"sine": 1.5}, False),
     ("hardware", "sample_time", ..., True),
-    ("hardware", "encoder_resolution", {"value": 1e-6, "low": -9e-7}, False),
+    ("hardware", "encoder_resolution", {"value": 1e-6, "low": -9e-7, "high": 1e-6}, False),
     ("hardware", "mass", 3, False),
 )
 

@@ -483,6 +483,9 @@ def test_columns_that_do_not_fit_are_refused(
     assert not Path("other.yaml").exists()
 
 
+ONE = {"parameters": ["mass_x_x"], "matrix": [[1.0]], "degrees_of_freedom": 9.0}
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
@@ -492,6 +495,7 @@ def test_columns_that_do_not_fit_are_refused(
         ({"poses": {"mass": [[3.0, 1.0]]}}, "mass must have 1 rows of 1 numbers"),
         ({"poses": {"damping": [[9.0, 1.0], [2.0, 9.0]]}}, "damping must be symmetric"),
         ({"poses": {"force_offset": [0.0]}}, "need 2 numbers"),
+        ({"poses": {"covariance": ONE}}, "pose needs the parameters mass_x_x, mass_x_y, mass_y_y,"),
         ({"poses": {"mass": [[1.0, 2.0], [2.0, 1.0]]}}, "mass is -1 in some direction"),
         ({"modes": [{"frequency_hz": 90.0, "damping_ratio": 0.02, "at_encoder": 1.0}]}, "one axis"),
     ],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
+from itertools import combinations_with_replacement
 from os import PathLike, fspath
 from os.path import exists, isfile
 from pathlib import Path
@@ -314,6 +315,10 @@ class Device(Document):
             return
         if len(self.axes) < 2 or any(len(each.mass) != len(self.axes) for each in self.poses):
             raise ValueError(f"poses need matrices of {len(self.axes)} axes, two at least")
+        pairs = tuple(combinations_with_replacement(self.axes, 2))
+        names = tuple(f"{which}_{one}_{two}" for which in ("mass", "damping") for one, two in pairs)
+        if any(each.covariance.parameters != names for each in self.poses):
+            raise ValueError(f"the covariance of a pose needs the parameters {', '.join(names)}")
         of_one = ("modes", "current_lag", "position_stiffness", "gravity", "damping_slope")
         given = [name for name in of_one if getattr(self, name)]
         if given:
@@ -350,15 +355,17 @@ class Device(Document):
         variances = np.diag(joint.matrix)
         for name, variance in zip(joint.parameters, variances, strict=True):
             found = getattr(self, name, None)
-            if not isinstance(found, Quantity) or (name == "coulomb_friction" and found.low <= 0):
+            if not isinstance(found, Quantity):
+                raise ValueError(f"covariance names '{name}', which is no quantity of this device")
+            if name == "coulomb_friction" and found.low <= 0:
                 continue  # cut off at zero, where physics ends
             half = (found.high - found.low) / 2
             if name == "mass":  # its interval is even on a logarithmic scale
                 half = found.value * math.log(found.high / found.low) / 2
             said = NORMAL_95 * math.sqrt(variance)
-            if name == "mass" and said > found.value:
-                continue  # a log that was allowed and does not tell it: the interval is cut off
-            if not _NARROWEST * said <= half <= _WIDEST * said:
+            # Of a log that was allowed and does not tell it the interval is cut off.
+            least = min(said, found.value) if name == "mass" else said
+            if not _NARROWEST * least <= half <= _WIDEST * said:
                 raise ValueError(
                     f"{name} is known within ±{half:.3g}, by its covariance within ±{said:.3g}; "
                     "leave the covariance out where the interval is of other origin"

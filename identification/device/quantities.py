@@ -80,6 +80,8 @@ def _to_quantity(raw: object) -> object:
         return {"value": raw, "low": raw, "high": raw}
     if isinstance(raw, Mapping):
         stated = cast("Mapping[str, object]", raw)
+        if len(given := {"low", "high"} & stated.keys()) == 1:
+            raise ValueError(f"has {given.pop()} alone; an interval needs low and high")
         return {"low": stated.get("value"), "high": stated.get("value"), **stated}
     return raw
 
@@ -108,6 +110,7 @@ def _in_file(number: dict[str, Any], description: str) -> WithJsonSchema:
                         "source": {"anyOf": [{"enum": [*get_args(Source)]}, {"type": "null"}]},
                     },
                     "required": ["value"],
+                    "dependentRequired": {"low": ["high"], "high": ["low"]},
                     "additionalProperties": False,
                 },
             ],
@@ -185,7 +188,8 @@ class Covariance(Document):
         if np.any(variances < 0):
             raise ValueError(f"matrix has a negative variance, {variances.min():g}")
         scale = np.sqrt(np.where(variances > 0, variances, 1.0))
-        correlations = matrix / np.outer(scale, scale)
+        with np.errstate(over="ignore"):  # beyond 1 none is possible, whatever it is
+            correlations = np.clip(matrix / np.outer(scale, scale), -2.0, 2.0)
         uneven = np.argwhere(np.abs(correlations - correlations.T) > _ROUNDED)
         if uneven.size:
             row, column = uneven[0]

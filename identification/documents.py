@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import difflib
 import os
 import secrets
@@ -234,15 +233,11 @@ def load_mapping(path: str | PathLike[str], text: str | None = None) -> dict[str
     except YAMLError as error:
         raise InvalidInputError(path, _yaml_sentence(error), "Correct it there") from None
     except (RecursionError, ValueError):
-        problem = "is not valid YAML: it holds a number or a date that is none"
+        problem = "is not valid YAML: it holds a number that is none"
         raise InvalidInputError(path, problem, "Correct the file") from None
     if not isinstance(content, dict):
         problem = "does not hold a mapping of names to values"
         raise InvalidInputError(path, problem, "See 'haptune new' for templates")
-    found = cast("dict[object, object]", content)
-    day = found.get("date")
-    if type(day) is datetime.date:  # what YAML reads as a date is one where a date belongs
-        found["date"] = day.isoformat()
     strange = next(_strange_values(content, ""), None)  # pyright: ignore[reportUnknownArgumentType]
     if strange is not None:
         raise InvalidInputError(path, strange, "Write a number, a name, or text in quotes")
@@ -312,11 +307,14 @@ def _loader() -> Any:
 
     loader: Any = YAML(typ="safe", pure=True)
     loader.Parser = CheckedParser
+    known = loader.constructor.yaml_constructors  # a date stays as it is written, as in a table
+    as_text = {"tag:yaml.org,2002:timestamp": known["tag:yaml.org,2002:str"]}
+    loader.constructor.yaml_constructors = known | as_text
     return loader
 
 
 def _strange_values(value: object, where: str) -> Iterator[str]:
-    """What no file of ours holds: dates, bytes, sets, other keys, letters that are not seen."""
+    """What no file of ours holds: bytes, sets, other keys, letters that are not seen."""
     if isinstance(value, dict):
         for key, item in cast("dict[object, object]", value).items():
             if isinstance(key, str):

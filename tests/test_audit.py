@@ -465,7 +465,7 @@ def test_three_verdicts_stand_on_a_page_with_all_years_in_one_picture(
     ("line", "sentence"),
     [
         ("date: yesterday", "give a date as year-month-day"),
-        ("date: 2026-11-22T10:00:00", "reads as a datetime"),
+        ("date: 2026-11-22T10:00:00", "give a date as year-month-day"),
         ("serial: 0012", "put it in quotes"),
         ("operator: ''", "give one line of text"),
     ],

@@ -389,10 +389,10 @@ def test_a_manifest_that_makes_no_sense_is_refused(tmp_path: Path, text: str, wo
 
 def test_manifests_are_read_as_people_write_them(tmp_path: Path) -> None:
     table, written = tmp_path / "manifest.csv", tmp_path / "manifest.yaml"
-    text = "﻿Serial; axis;LOG ;scene\nA;x; a.csv | b.csv ;s.yaml\n;;;\nA;y;c.csv;\n"
+    text = "﻿Serial; axis;LOG ;date\nA;x; a.csv | b.csv ;2026-01-02\n;;;\nA;y;c.csv;\n"
     table.write_text(text, encoding="utf-8")
     written.write_text(
-        "devices:\n- {serial: A, axis: x, log: [a.csv, b.csv], scene: s.yaml}\n"
+        "devices:\n- {serial: A, axis: x, log: [a.csv, b.csv], date: 2026-01-02}\n"
         "- {serial: A, axis: y, log: c.csv}\n",
         encoding="utf-8",
     )

@@ -100,7 +100,7 @@ class Document(BaseModel):
         """True is 1 to Python; to whoever wrote the file it is a mistake. Mappings stay as read."""
         allowed = cls.model_fields[info.field_name or ""].annotation
         if _holds_flag(raw) and allowed is not bool and bool not in get_args(allowed):
-            raise ValueError("true and false are no numbers")
+            raise ValueError("true and false are neither numbers nor text")
         value = valid(raw)
         return _ReadOnly(cast("dict[str, Any]", value)) if type(value) is dict else value
 

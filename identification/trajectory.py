@@ -282,7 +282,8 @@ def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
                 seen=f"time does not increase at {backward.size} of {count - 1} steps of {source}, "
                 f"first from {time[first]:g} s to {time[first + 1]:g} s",
                 needed="strictly increasing time in seconds",
-                remedy="Log a monotonic clock, or export with more digits of time.",
+                remedy="Log a monotonic clock, or export with more digits of time; where another "
+                "trial begins, cut there and give each as a log of its own.",
             )
         )
     findings.extend(

@@ -468,6 +468,7 @@ def test_three_verdicts_stand_on_a_page_with_all_years_in_one_picture(
         ("date: 2026-11-22T10:00:00", "give a date as year-month-day"),
         ("serial: 0012", "put it in quotes"),
         ("operator: ''", "give one line of text"),
+        ("axis: ''", "give one line of text"),
     ],
 )
 def test_a_nameplate_that_cannot_be_read_says_how(line: str, sentence: str, tmp_path: Path) -> None:

@@ -268,7 +268,7 @@ def test_the_same_limits_give_the_same_force() -> None:
         ("samples; 200 to 200000 can be planned", {"duration": 0.1, "ramp": 0.0}),
         ("leaves too little between two ramps", {"ramp": 1.5}),
         ("travel: must be greater than 0", {"travel": 0}),
-        ("true and false are no numbers", {"force": True}),
+        ("true and false are neither numbers nor text", {"force": True}),
         ("finite number", {"speed": float("inf")}),
         ("delay: must be 'known' or 'unknown'", {"delay": 0.001}),
     ],

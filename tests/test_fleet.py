@@ -296,6 +296,8 @@ def test_a_study_takes_one_of_each_and_refuses_before_any_work_what_makes_no_sen
     nothing: Any = None
     with pytest.raises(UsageError, match="path: is of type NoneType"):
         study(homerehab, nothing, workers=1)
+    with pytest.raises(UsageError, match="no device or no scene"):
+        study({}, water, workers=1)
     assert not said
 
 
@@ -368,8 +370,8 @@ def test_what_more_than_half_of_a_fleet_share_is_not_judged() -> None:
             "serial,log,log\nA,a.csv,b.csv\n",
             "column 'log' stands there twice. Give it once; | stands",
         ),
-        ("serial,log\nA,\n", "needs either log or device"),
-        ("serial,log,device\nA,a.csv,knob\n", "needs either log or device"),
+        ("serial,log\nA,\n", "needs either log or device, and has neither"),
+        ("serial,log,device\nA,a.csv,knob\n", "needs either log or device, and has both"),
         (
             "serial,log\n\nA,a.csv\n../A,a.csv\n",
             ": line 4, column serial: '../A' cannot name a file",

@@ -123,6 +123,9 @@ def test_what_travels_too_far_for_metres_may_turn() -> None:
     far = replace(_log("knob"), position=_log("knob").position * 100, motion=None)
     (told,) = [each for each in examine(far).findings if "travels" in each.seen]
     assert told.remedy.index("motion: rotary") < told.remedy.index("--position-gain")
+    assert "for degrees" in told.remedy
+    known = replace(far, stated_units=frozenset({"position"}))  # by its header
+    assert not [each for each in examine(known).findings if "for degrees" in each.remedy]
 
 
 @pytest.mark.parametrize("device", LOGS)

@@ -181,7 +181,7 @@ class Hardware(Document):
 
     schema_: Literal["haptune/hardware/1"] = Field(default="haptune/hardware/1", alias="schema")
     name: str = "device"
-    axis: str = "x"
+    axis: Label = "x"
     serial: Label | None = None
     date: Day | None = None
     operator: Label | None = None

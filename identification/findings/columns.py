@@ -104,8 +104,8 @@ def _lost(trajectory: Trajectory, steps: FloatArray, long: BoolArray) -> Iterato
         seen=f"{trajectory.source} has {int(long.sum())} gaps, about {lost} samples lost "
         f"({share:.1%}), the first after {trajectory.time[first]:g} s, the longest "
         f"{longest * 1e3:.4g} ms at a usual step of {median * 1e3:.4g} ms, in which the speed "
-        f"changes by {hidden:.0%} of its rms",
-        needed=f"at most {_MOST_LOST:.0%} lost, and a change of {_LONGEST_GAP:.0%} in any gap"
+        f"may change by {hidden:.3g} times its rms",
+        needed=f"at most {_MOST_LOST:.0%} lost, and {_LONGEST_GAP:g} times its rms in any gap"
         if refused
         else f"no step above {LOST * median * 1e3:.4g} ms",
         remedy="Log with a real-time thread, or cut the log to a part without gaps.",
@@ -360,10 +360,12 @@ def _out_of_reach(trajectory: Trajectory) -> Iterator[Finding]:
         "hardware file states is not that of the axis."
     )
     if trajectory.motion is None:
+        known = "position" in trajectory.stated_units
         remedy = (
-            "If the axis turns, state motion: rotary in the hardware file (--hardware), and for "
-            "degrees --position-gain 0.0174533; if it slides, state motion: linear and give "
-            f"--position-gain, since the position looks like {wrong}."
+            "If the axis turns, state motion: rotary in the hardware file (--hardware)"
+            + ", and for degrees --position-gain 0.0174533" * (not known)
+            + "; if it slides, state motion: linear and give --position-gain, since the position "
+            f"looks like {wrong}."
         )
     yield refusal(
         "force-unit",

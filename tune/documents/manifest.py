@@ -89,7 +89,8 @@ class Manifest(Document):
             if (name := entry.name.casefold()) in seen:
                 raise ValueError(f"{entry.name} stands there twice; give each axis a name")
             if bool(entry.log) == (entry.device is not None):
-                raise ValueError(f"{entry.name} needs either log or device")
+                has = "both" if entry.log else "neither"
+                raise ValueError(f"{entry.name} needs either log or device, and has {has}")
             seen.add(name)
         return devices
 

@@ -68,7 +68,7 @@ def study(
         and its margins, ``wall.gain`` and ``wall.extra_delay_samples``. All in SI units.
 
     Raises:
-        UsageError: a margin that there is not, or no workers; before any work.
+        UsageError: no device or scene, a margin that there is not, no workers; before any work.
         InvalidInputError: a scene that cannot be read. A device that cannot is a row.
         WorkersLostError: worker processes that were killed three times.
     """
@@ -88,6 +88,8 @@ def study(
             for margin in margins or (scene.margin,):
                 heads.append({"device": label, "scene": name, "margin": margin})
                 items.append((device, scene.model_copy(update={"margin": margin}), chosen))
+    if not items:
+        raise UsageError("study", "is given no device or no scene", "Give one of each at least")
     rows: list[Row] = [{} for _ in items]
     for done, (place, row) in enumerate(in_parallel(_studied, items, workers=workers), start=1):
         rows[place] = heads[place] | row

@@ -31,10 +31,10 @@ _DEGREE = 3
 class Allowed:
     """What may be left at the end of a run."""
 
-    counts: float  # amplitude of the readings, and travel if nothing pushes, in counts
+    counts: float  # amplitude of the readings, and travel beyond the steady one, in counts
     force: float  # amplitude of the force, N (N·m)
     dies: float = DIES  # an amplitude below this part of that before it is dying out
-    pushed: bool = False  # whether something pushes to the end: then steady travel is no fault
+    steady: float = 0.0  # travel of a part at which damping holds what pushes, in counts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,11 +118,10 @@ def _ending(
     most, dies = allowed.counts, allowed.dies
     readings = _Left("readings from {} to {} counts", counts, reach, most, dies)
     pull = _Left("force from {} to {}", force, pulled, allowed.force, dies)
-    moved = _Left("travel from {} to {} counts", travel, reach, most, dies)
-    left = [readings, pull]
-    # Steady travel under a push is at rest in this sense; travel that gains is not.
-    left += [moved] if moved.grows or not allowed.pushed else []
-    over = [each for each in left if each.over]
+    # No faster than what pushes makes it, a handle is at rest in this sense, gaining or not.
+    beyond = np.maximum(travel - allowed.steady, 0.0)
+    moved = _Left("travel from {} to {} counts", beyond, reach, most, dies)
+    over = [each for each in (readings, pull, moved) if each.over]
     lasting = [each for each in over if each.lasts]
     growing = [each for each in lasting if each.grows]
     size = f"{_shown(counts[1], allowed.counts)} counts and "

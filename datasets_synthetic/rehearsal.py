@@ -210,12 +210,8 @@ def _played(
     *,
     samples: int,
     seeds: Sequence[int],
-) -> tuple[Recording, list[str], Mask]:
-    """Plays recorded over so many samples, what grew in each, or "", and which are pushed.
-
-    Pushed is what something pushes to the end, or whose steady travel is no fault for another
-    reason.
-    """
+) -> tuple[Recording, list[str], FloatArray]:
+    """Plays recorded over so many samples, what grew in each, or "", and its steady speed, m/s."""
     member = np.array([each.member for each in plays], dtype=np.intp)
     where = np.array([each.place for each in plays], dtype=np.intp)
     kinds = [_KINDS[each.name] for each in plays]
@@ -299,7 +295,15 @@ def _played(
         for play in np.flatnonzero(more).tolist():
             ratio = 1 + gained[play] / moving[play]
             grown[play] = f"it is left with {ratio:.3g} times the energy it began with"
-    return seen, grown, (net != 0) | (rigs.stiffness != 0) | called
+    return seen, grown, _steady_speeds(rigs, net, rows["damping"])
+
+
+def _steady_speeds(rigs: Rig, net: FloatArray, damping: FloatArray) -> FloatArray:
+    """Speed at which the least damping holds the most force, m/s; 0 where none is positive."""
+    most = np.abs(net) + np.hypot(rigs.gravity_sine, rigs.gravity_cosine)
+    least = rigs.damping - np.abs(rigs.damping_asymmetry)
+    least += np.sum(np.minimum(damping, 0.0), axis=0)
+    return np.divide(most, least, out=np.zeros_like(most), where=least > 0)
 
 
 def _force_to_move(rigs: Rig, time: float) -> FloatArray:
@@ -442,7 +446,7 @@ def rehearse(
         samples = times * sizes.samples
         part = [plays[k] for k in left]
         seeds = [seed + k for k in left]
-        seen, grown, pushes = _played(
+        seen, grown, steady = _played(
             controller, conditions, sizes, part, samples=samples, seeds=seeds
         )
         count = sizes.count[[play.member for play in part]]
@@ -454,9 +458,9 @@ def rehearse(
                 float(force[play.member]),
                 sizes,
                 dies=float(dies[play.place, play.member]),
-                pushed=bool(pushed),
+                steady=float(travel),
             )
-            for play, pushed in zip(part, pushes, strict=True)
+            for play, travel in zip(part, steady * long / count, strict=True)
         ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
@@ -505,12 +509,12 @@ def _slowest_rates(
     return found
 
 
-def _allowed(play: _Play, force: float, sizes: _Sizes, *, dies: float, pushed: bool) -> Allowed:
+def _allowed(play: _Play, force: float, sizes: _Sizes, *, dies: float, steady: float) -> Allowed:
     """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
     counts = _COUNTS
     if _KINDS[play.name].dampers:
         counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
-    return Allowed(counts=counts, force=force, dies=dies, pushed=pushed)
+    return Allowed(counts=counts, force=force, dies=dies, steady=steady)
 
 
 def _with(ending: Ending, grown: str) -> Ending:

@@ -1035,6 +1035,18 @@ FAULTS: tuple[Fault, ...] = (
         ("the margin of whose profile it is", "like[0].margin.name", '"balanced"'),
     ),
     *_of(
+        "datasets_synthetic/rehearsal.py",
+        "tests/test_bench.py -k what_is_pushed",
+        ("what damping is left holds a push", "np.sum(np.minimum(damping, 0.0), axis=0)", "0.0"),
+        ("gravity pushes", " + np.hypot(rigs.gravity_sine, rigs.gravity_cosine)", ""),
+    ),
+    *_of(
+        "datasets_synthetic/ending.py",
+        "tests/test_bench.py -k what_is_pushed",
+        ("what is pushed may gain", "np.maximum(travel - allowed.steady, 0.0)", "travel"),
+        ("no push excuses what runs away", "pull, moved) if", "pull) if"),
+    ),
+    *_of(
         "tune/cli/settling.py",
         "tests/test_rehearse.py -k sake",
         ("what is whole again is rehearsed too", "continue", "return profile"),

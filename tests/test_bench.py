@@ -165,6 +165,17 @@ def test_too_much_negative_damping_drifts_away_and_is_vetoed() -> None:
     assert not found.settles
 
 
+@pytest.mark.parametrize(
+    "pushes",
+    [{"force_offset": each} for each in (0.02, -0.02, 0.5, -0.5)] + [{"gravity_cosine": 0.5}],
+)
+def test_what_is_pushed_settles_as_long_as_any_damping_holds_it(pushes: dict[str, float]) -> None:
+    """However it gets to its speed; what runs away does not, even if the force limit ends that."""
+    damping = np.array([-5.0, -11.0, -30.0])
+    found = rehearse(replace(HOMEREHAB, **pushes), Controller(damping=damping, **FILTERED))
+    assert [each.settles for each in found] == [True, False, False]
+
+
 def test_a_spring_far_too_stiff_is_vetoed_with_numbers() -> None:
     """The force limit keeps the oscillation bounded, friction hides it from a small start."""
     found = play(HOMEREHAB, Controller(stiffness=30_000.0))

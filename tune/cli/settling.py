@@ -135,10 +135,10 @@ def _with_less(
     for name in (each for each, first in kinds.items() if not {each, first}.isdisjoint(names)):
         wishes = elements[name].wishes()
         most = {
-            effect: Wish(kind="range", low=wished.low or 0.0, high=part * size)
+            effect: Wish(kind="min" if size < 0 else "range", low=wished.low, high=size)
             for effect, wished in wishes.items()
-            if (wished.kind == "max" or (wished.kind == "range" and wished.high is not None))
-            and part * (size := getattr(profile.elements[name], effect)) > (wished.low or 0.0)
+            if wished.kind != "value"
+            and abs(size := part * getattr(profile.elements[name], effect)) > (wished.low or 0.0)
         }
         elements[name] = elements[name].model_copy(update=most)
     if elements == scene.elements:

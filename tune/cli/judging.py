@@ -569,8 +569,8 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
         return f"{'Again, as said of the other checks' if again else 'Instead'}{where}: {told}."
     low, high = allowed.delays
     return (
-        f"No gain tells more; state the delay of the device as {low:.3g} to {high:.3g} samples "
-        "(value, low and high, in s) and tune again."
+        "No gain tells more. Push it faster; if that tells no more either, state the delay of the "
+        f"device as {low:.3g} to {high:.3g} samples (value, low and high, in s) and tune again."
     )
 
 

@@ -240,7 +240,8 @@ def _played(
     fast = np.sqrt(2 * _FALL * limit * reach / rigs.mass)
     speed = np.where(called, fast, of("walks") * near / (_RISE * run))
     leans = np.where(called, walled & ~faced, walled | falls | (of("dampers") > 0))
-    steady: FloatArray = _FALL * limit * leans
+    # What pulls a device away from its walls is leaned against too.
+    steady: FloatArray = (_FALL * limit + np.maximum(rigs.force_offset, 0.0)) * leans
     part = np.arange(samples) / sizes.samples
     pulse = np.clip(np.minimum(part, _RELEASE - part) / _RISE, 0.0, 1.0)
     until = round(_CALLED * sizes.samples)

@@ -1041,6 +1041,11 @@ FAULTS: tuple[Fault, ...] = (
         ("gravity pushes", " + np.hypot(rigs.gravity_sine, rigs.gravity_cosine)", ""),
     ),
     *_of(
+        "datasets_synthetic/rehearsal.py",
+        "tests/test_bench.py -k leans_on",
+        ("a pull is leaned against", " + np.maximum(rigs.force_offset, 0.0)", ""),
+    ),
+    *_of(
         "datasets_synthetic/ending.py",
         "tests/test_bench.py -k what_is_pushed",
         ("what is pushed may gain", "np.maximum(travel - allowed.steady, 0.0)", "travel"),

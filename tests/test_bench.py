@@ -257,11 +257,15 @@ def test_whatever_is_called_between_walls_it_ends_no_faster_and_comes_to_rest(na
         assert ("damper against it" in played) == (name == "water")
 
 
-def test_a_hand_leans_on_a_wall_and_pushes_beyond_what_it_gives() -> None:
-    """Half of what the clamp gives holds; a tenth more moves on, and comes back when let go."""
+@pytest.mark.parametrize("offset", [0.0, 6.0])
+def test_a_hand_leans_on_a_wall_and_pushes_beyond_what_it_gives(offset: float) -> None:
+    """Half of what the clamp gives holds; a tenth more moves on, and comes back when let go.
+
+    It leans, too, where the device itself pulls it away.
+    """
     wall = VirtualElement(stiffness=2000.0, damping=60.0, side=-1, level=10.0)
-    law = Controller(velocity_filter_hz=50.0, beside=(wall,))
-    found = play(HOMEREHAB, law)
+    law = Controller(velocity_filter_hz=50.0, beside=(wall, VirtualElement(damping=80.0)))
+    found = play(replace(HOMEREHAB, force_offset=offset), law)
     assert found.settles
     assert of(found, "sustained push") == {"settles"}
 

@@ -325,6 +325,17 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "tune/verification/law.py",
+        "tests/test_beside_a_wall.py",
+        ("others alone outside of a wall", "rest + pushes * mine", "rest + mine"),
+        ("a wall that yields", "(beyond < self.level)", "(beyond < np.inf)"),
+    ),
+    *_of(
+        "tune/verification/__init__.py",
+        "tests/test_beside_a_wall.py",
+        ("motion within a wall beside others", "law.acting,", "law.log.used,"),
+    ),
+    *_of(
         "tune/verification/measured_law.py",
         "tests/test_fading_logs.py",
         ("rows of a fade", "argmax(size > 0) + rows", "argmax(size > 0)"),

@@ -260,7 +260,7 @@ def verify(
                 law.loop,
                 law.effects,
                 line.position,
-                law.log.used,
+                law.acting,
                 _step(line),
                 0 if direction is None else motion_across(profile, axes, direction, law),
                 None if release is None else int(np.searchsorted(line.time, release)),

@@ -123,6 +123,9 @@ _AT_REST = 0.01
 #: Time constants after which a filter has forgotten: what is left is below single precision.
 _FORGOTTEN = 20.0
 
+#: Times that the face of a wall is found again at most.
+_MOST_FACES = 40
+
 #: χ² of one parameter at 99.9 %: a sum of squares that grows by this many variances rules out.
 _CHI_SQUARE = 10.83
 #: Rows that count as one, for what rounding leaves of slow positions is not white.
@@ -146,6 +149,7 @@ class Columns:
     force: FloatArray
     parts: tuple[FloatArray, ...]
     rows: Rows
+    acting: Rows  # of the log: on which all that is played acts, and nothing is cut
 
     @property
     def scale(self) -> float:
@@ -163,6 +167,41 @@ class LawFit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Wall:
+    """A wall felt beside other elements, which act alone where it gives no force."""
+
+    own: Effects
+    others: Effects
+    level: float  # at which its force is cut, N
+    side: float  # 1.0 if it lies at higher positions, -1.0 if at lower
+    part: float  # of the rows: so many, the deepest, are in it at first
+
+    def felt(self, force: FloatArray, parts: list[FloatArray]) -> tuple[Rows, list[FloatArray]]:
+        """(rows on which all act; parts of which all effects together make what is felt).
+
+        Its face by least squares, force = -gain·(others + what its own has beyond it) + offset.
+        """
+        own, beside = (force_of(each, tuple(parts)) for each in (self.own, self.others))
+        face = np.quantile(self.side * own, 1 - self.part)
+        pushes, cut = np.ones(own.size, dtype=np.bool_), own
+        for _ in range(_MOST_FACES):
+            beyond = self.side * own - face
+            pushes = (beyond > 0) & (beyond < self.level)
+            cut = np.where(beyond < self.level, 0.0, self.side * self.level)
+            law = np.column_stack((beside + pushes * own + cut, pushes, np.ones_like(own)))
+            gain, at_face, _ = np.linalg.lstsq(law, force)[0]
+            before, face = face, -self.side * at_face / (gain or 1.0)
+            if face == before:
+                break
+        felt, more = list[FloatArray](), cut - pushes * self.side * face
+        for part, *sizes in zip(parts, self.own.arrays(), self.others.arrays(), strict=True):
+            mine, rest = (0.0 if size is None else float(size) for size in sizes)
+            felt.append(((rest + pushes * mine) * part + more) / (rest + mine or 1.0))
+            more = np.zeros_like(force)  # of the position alone
+        return pushes, felt
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Log:
     """What the law is judged on; rows used are neither saturated nor outside of a one-sided wall.
 
@@ -173,6 +212,7 @@ class Log:
     force: FloatArray
     position: FloatArray
     used: Rows
+    wall: Wall | None = None  # of some rows only
 
     def columns(self, loop: LoopProfile, late: int = 0) -> Columns | None:
         """The regression of one variant of the law; None where too few rows are left.
@@ -190,13 +230,16 @@ class Log:
             return None
 
         def rest(column: FloatArray) -> FloatArray:
-            return column[rows] - np.mean(column[rows])
+            return column - np.mean(column)
 
-        return Columns(
-            force=rest(np.roll(self.force, -late)),
-            parts=tuple(map(rest, (self.position, *_estimates(self.position, loop)))),
-            rows=rows,
-        )
+        every = np.roll(self.force, -late), self.position, *_estimates(self.position, loop)
+        force, *parts = (rest(column[rows]) for column in every)
+        acting = self.used
+        if self.wall is not None:
+            acting = np.zeros_like(rows)
+            acting[rows], felt = self.wall.felt(force, parts)
+            parts = map(rest, felt)
+        return Columns(force=force, parts=tuple(parts), rows=rows, acting=acting)
 
 
 def fit_scaled(columns: Columns, effects: Effects) -> LawFit:

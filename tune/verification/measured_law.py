@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from tune.verification.law import (
     LawFit,
     Log,
     Outcome,
+    Wall,
     combination_in_words,
     compared,
     effects_of,
@@ -63,6 +65,9 @@ _WHOLE = 1e-3
 _EXPLAINS = 0.2
 #: Explanations within this factor of the best are equally good; the simplest of them is named.
 _EQUALLY_GOOD = 3.0
+#: A wall pushes on some rows only where that leaves at most this part of what is left else; on
+#: which parts of the rows it is looked for.
+_FAR_BETTER, _DEEPEST = 0.5, tuple(0.5**power for power in range(1, 10))
 #: Effects nearer to one gain than this part are scaled alike.
 _MATERIAL_SIZE = 0.02
 #: Rows by which the force column may be early or late.
@@ -87,6 +92,7 @@ class MeasuredLaw:
     gain: float  # part of the profile's effects, by its own law; nan where the law is another
     predicted: FloatArray  # by the profile's own law at its best gain, N, nan where not used; (n,)
     log: Log  # with the rows the law was judged on
+    acting: NDArray[np.bool_]  # those on which all elements act
     outcomes: tuple[Outcome, ...]  # "law" and "gain"
 
 
@@ -128,6 +134,7 @@ def _judged(
     """The law on certain rows of the log."""
     force, position = trajectory.force, trajectory.position
     log = Log(loop=profile.loop, force=force, position=position, used=used)
+    combinations, log = _beside_a_wall(profile, combinations, log)
     effects = {combination: effects_of(profile, combination) for combination in combinations}
     unseen = MeasuredLaw(
         elements=combinations[0],
@@ -136,6 +143,7 @@ def _judged(
         gain=float("nan"),
         predicted=np.full(force.size, np.nan),
         log=log,
+        acting=used,
         outcomes=(),
     )
     columns = log.columns(profile.loop)
@@ -159,12 +167,16 @@ def _judged(
             found = None
     scaled = scale_effects(effects[combination], fit.gain)
     rounded = ROUNDING * digits.noise(scaled, profile.loop)
-    agrees = found is None and fit.residual <= max(rounded, MISFIT * columns.scale)
+    # A wall that is met on few rows is judged on these as well.
+    seen_on = (slice(None), columns.acting[columns.rows])
+    every = ((rms(fit.left[part]), rms(columns.force[part])) for part in seen_on)
+    residual, scale = max(every, key=lambda both: both[0] - MISFIT * both[1])
+    agrees = found is None and residual <= max(rounded, MISFIT * scale)
     unit = UNITS[profile.device.motion]["force"]
-    outcome = _law_outcome(fit, columns.scale, found, combination, unit, agrees=agrees)
+    outcome = _law_outcome(residual, scale, found, combination, unit, agrees=agrees)
     predicted = np.full(force.size, np.nan)
     predicted[columns.rows] = force[columns.rows] - fit.left
-    seen = replace(unseen, elements=combination, predicted=predicted)
+    seen = replace(unseen, elements=combination, predicted=predicted, acting=columns.acting)
     if found is not None:
         return replace(
             seen,
@@ -183,6 +195,38 @@ def _judged(
         gain=fit.gain,
         outcomes=(outcome, _gain_outcome(fit.gain, gain, combination, others)),
     )
+
+
+def _beside_a_wall(
+    profile: Design, combinations: tuple[Combination, ...], log: Log
+) -> tuple[tuple[Combination, ...], Log]:
+    """The same; where one fits far better with a wall that pushes on some rows only, that one."""
+
+    def misfit(log: Log, *those: Combination) -> float:
+        columns = log.columns(profile.loop)
+        if columns is None or columns.scale == 0 or not columns.acting.any():
+            return np.inf
+        fits = (fit_scaled(columns, effects_of(profile, each)) for each in those)
+        return min(fit.residual for fit in fits) / columns.scale
+
+    parts = {
+        each: tuple(tuple(n for n in each if (n in profile.walls) == of) for of in (True, False))
+        for each in combinations
+    }
+    mixed = {each: both for each, both in parts.items() if all(both)}
+    least = misfit(log, *combinations, *(others for _, others in mixed.values()))
+    found = combinations, log
+    if not MISFIT < least < np.inf:
+        return found
+    least *= _FAR_BETTER
+    for (each, (walls, others)), side, part in product(mixed.items(), (1.0, -1.0), _DEEPEST):
+        level = sum(profile.elements[name].force_level for name in walls) or np.inf
+        own, beside = effects_of(profile, walls), effects_of(profile, others)
+        wall = Wall(own=own, others=beside, level=level, side=side, part=part)
+        left = misfit(split := replace(log, wall=wall), each)
+        if left < least:
+            least, found = left, ((each,), split)
+    return found
 
 
 def digits_of(profile: Design, axes: Sequence[Trajectory], direction: Sequence[float]) -> Digits:
@@ -260,7 +304,7 @@ def _alike(fits: dict[Combination, LawFit], gain: float | None, floor: float) ->
 
 
 def _law_outcome(
-    fit: LawFit,
+    residual: float,
     scale: float,
     found: _Explanation | None,
     combination: Combination,
@@ -268,8 +312,8 @@ def _law_outcome(
     *,
     agrees: bool,
 ) -> Outcome:
-    seen = f"{fit.residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
-    numbers = {"seen": fit.residual, "scale": scale, "tolerance": MISFIT}
+    seen = f"{residual:.2g} {unit} rms of {scale:.3g} {unit} unexplained"
+    numbers = {"seen": residual, "scale": scale, "tolerance": MISFIT}
     remedy = ""
     if found is not None:
         seen += f"; {found.law.words} ({found.residual:.2g} {unit} unexplained)"

@@ -484,7 +484,7 @@ def test_the_command_says_what_to_play_and_lays_out_what_is_wrong(here: Path) ->
     late = haptune("verify", "profile.yaml", "late.csv", "--quiet")
     assert late.code == 6
     lines = late.err.splitlines()
-    assert [line.split()[0] for line in lines if "disagrees:" in line] == ["decay", "delay"]
+    assert [line.split()[0] for line in lines if "disagrees:" in line] == ["delay", "decay"]
     assert max(map(len, lines)) < 200
 
 

@@ -167,8 +167,10 @@ class Verification:
 
     @property
     def disagreements(self) -> tuple[Outcome, ...]:
-        """What is not as predicted."""
-        return tuple(each for each in self.outcomes if each.verdict == "disagrees")
+        """What is not as predicted; what another delay explains comes last."""
+        explained = self.delay.allowed is not None and self.delay.allowed.delays is not None
+        found = (each for each in self.outcomes if each.verdict == "disagrees")
+        return tuple(sorted(found, key=lambda each: explained and each.check in _OF_THE_MODE))
 
     @property
     def assessed(self) -> bool:

@@ -300,11 +300,9 @@ def _played(
 
 
 def _steady_speeds(rigs: Rig, net: FloatArray, damping: FloatArray) -> FloatArray:
-    """Speed at which the least damping holds the most force, m/s; 0 where none is positive."""
-    most = np.abs(net) + np.hypot(rigs.gravity_sine, rigs.gravity_cosine)
-    least = rigs.damping - np.abs(rigs.damping_asymmetry)
-    least += np.sum(np.minimum(damping, 0.0), axis=0)
-    return np.divide(most, least, out=np.zeros_like(most), where=least > 0)
+    """Speed at which the least damping holds a net force, m/s; 0 where none is positive."""
+    least = rigs.damping - np.abs(rigs.damping_asymmetry) + np.minimum(damping, 0.0).sum(axis=0)
+    return np.divide(np.abs(net), least, out=np.zeros_like(net), where=least > 0)
 
 
 def _force_to_move(rigs: Rig, time: float) -> FloatArray:

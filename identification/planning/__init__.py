@@ -167,7 +167,7 @@ def _fitted(
     )
     if isinstance(found, Used):
         return found
-    force, used = found
+    _, force, used = found
     prediction = predict(
         force[:-1],
         spec.guess,

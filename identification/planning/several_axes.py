@@ -48,7 +48,7 @@ _FEWEST_LINES = 2
 _LEVELS = 3
 #: Directions in which a device is lightest or heaviest: so many an axis, and so many farthest and
 #: fastest devices, found at a coarse step, that are played at the step of the loop.
-_DIRECTIONS, _FARTHEST = 8, 16
+_DIRECTIONS, _FARTHEST = 8, 8
 #: Coarse steps in a period of the fastest line, at least; times that forces are fitted again.
 _COARSE, _REFITS = 20.0, 4
 _SEED = 1
@@ -139,24 +139,30 @@ def plan_axes(
         scaled = (scale * net + against).T
         return np.stack([rounded(each, wanted.force) for each in scaled], axis=1)
 
-    def used_by(force: FloatArray, devices: DevicesOfAxes) -> Used:
-        return Used.of(wanted, force, *_extremes(devices, force, wanted.sample_time), spread)
+    def used_by(force: FloatArray, devices: DevicesOfAxes, *, coarse: bool = False) -> Used:
+        played = force, wanted.sample_time
+        played = _coarse(*played, fastest) if coarse else played
+        return Used.of(wanted, force, *_extremes(devices, *played), spread)
 
     def farthest(force: FloatArray) -> IndexArray:
         return _farthest(every, force, wanted.sample_time, fastest)
 
-    looked_at, force = np.zeros(0, dtype=np.intp), force_at(1.0)
-    fitted, used = every, None
+    # Most of the way goes at a coarse step.
+    fitted = _some(every, farthest(force_at(1.0)))
+    found = fit_to_limits(force_at, partial(used_by, devices=fitted, coarse=True))
+    scale = 1.0 if isinstance(found, Used) else found[0]
+    looked_at, force = np.zeros(0, dtype=np.intp), force_at(scale)
+    used = None
     for _ in range(_REFITS):
         added = np.setdiff1d(farthest(force), looked_at)
         if used is not None and (not added.size or used_by(force, _some(every, added)).most <= 1):
             break
         looked_at = np.union1d(looked_at, added)
         fitted = _some(every, looked_at)
-        found = fit_to_limits(force_at, partial(used_by, devices=fitted))
+        found = fit_to_limits(force_at, partial(used_by, devices=fitted), scale)
         if isinstance(found, Used):
             raise InvalidInputError("excitation", *describe_impossible(wanted, found))
-        force, used = found
+        scale, force, used = found
     assert used is not None  # it is fitted once at least
     say("looking for the devices that go farthest")
     motion, expected = _predicted(force, wanted)
@@ -288,13 +294,18 @@ def _some(devices: DevicesOfAxes, places: IndexArray | slice) -> DevicesOfAxes:
 
 
 def _farthest(devices: DevicesOfAxes, force: FloatArray, step: float, fastest: float) -> IndexArray:
-    """Places of the devices that go farthest, and fastest, at a step that forces, Hz, allow."""
+    """Places of the devices that go farthest, and fastest, at a coarse step."""
+    played = _coarse(force, step, fastest)
+    found = [np.argsort(-each)[:_FARTHEST] for each in _extremes(devices, *played)]
+    return np.unique(np.concatenate(found))
+
+
+def _coarse(force: FloatArray, step: float, fastest: float) -> tuple[FloatArray, float]:
+    """Forces at a step that the fastest line, Hz, allows, and that step, s."""
     wide = max(1, int(1 / (_COARSE * fastest * step)))
     rest = -len(force) % wide
     filled = np.concatenate((force, np.zeros((rest, force.shape[1]))))
-    coarse = filled.reshape(-1, wide, force.shape[1]).mean(axis=1)
-    found = [np.argsort(-each)[:_FARTHEST] for each in _extremes(devices, coarse, wide * step)]
-    return np.unique(np.concatenate(found))
+    return filled.reshape(-1, wide, force.shape[1]).mean(axis=1), wide * step
 
 
 def _extremes(

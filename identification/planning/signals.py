@@ -240,20 +240,21 @@ def rounded(force: FloatArray, limit: float) -> FloatArray:
 
 
 def fit_to_limits(
-    force_at: Callable[[float], FloatArray], used_by: Callable[[FloatArray], Used]
-) -> tuple[FloatArray, Used] | Used:
-    """The force at the largest scale that keeps all limits, and what it uses of them.
+    force_at: Callable[[float], FloatArray],
+    used_by: Callable[[FloatArray], Used],
+    scale: float = 1.0,
+) -> tuple[float, FloatArray, Used] | Used:
+    """The largest scale that keeps all limits, its force, and what that uses of them.
 
-    Returns what the last try used of the limits if none keeps them.
+    Looks from a scale on. Returns what the last try used of the limits if none keeps them.
     """
-    scale, accepted = 1.0, 0.0
-    best: tuple[FloatArray, Used] | None = None
+    best: tuple[float, FloatArray, Used] | None = None
     used = Used(force=0.0, travel=0.0, speed=0.0)
     for _ in range(_TRIES):
         force = force_at(scale)
         used = used_by(force)
-        if used.most <= 1 and scale > accepted:
-            best, accepted = (force, used), scale
+        if used.most <= 1 and (best is None or scale > best[0]):
+            best = scale, force, used
             if used.most >= _ENOUGH:
                 break
         scale *= _AIM / used.most

@@ -178,6 +178,8 @@ def test_impossible_modes_are_refused(mode: dict[str, Any], words: str) -> None:
         ({"encoder": 6e-6}, "did you mean encoder_resolution?"),
         ({"delay": [0.0005, 0.0015]}, "delay: give a number or {value: …, low: …, high: …}"),
         ({"force_limit": 14}, "give a mapping of keys: continuous, peak (seen: 14)"),
+        ({"force_limit": {"continuous": [6, 3], "peak": 9}}, "axes: the coarsest count, the small"),
+        ({"encoder_resolution": [1e-5, 2e-5]}, "encoder_resolution: give one for all axes"),
     ],
 )
 def test_a_wrong_fact_is_told_what_it_is_to_be(facts: dict[str, Any], words: str) -> None:

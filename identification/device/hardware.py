@@ -7,7 +7,7 @@ factor and no residual. These facts come from a person or a data sheet, or nothi
 from __future__ import annotations
 
 import datetime
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Annotated, Any, Literal, cast, get_args
@@ -92,8 +92,15 @@ def _no_finer(count: Quantity) -> Quantity:
     return count
 
 
+def _of_all_axes(raw: object) -> object:
+    parts: Iterable[object] = getattr(raw, "values", lambda: [raw])()
+    if any(isinstance(each, list | tuple) for each in parts):
+        raise ValueError("give one for all axes: the coarsest count, the smallest force limit")
+    return raw
+
+
 #: What an encoder can tell, m (rad).
-Resolution = Annotated[PositiveQuantity, AfterValidator(_no_finer)]
+Resolution = Annotated[PositiveQuantity, BeforeValidator(_of_all_axes), AfterValidator(_no_finer)]
 #: One line of text.
 Label = Annotated[str, BeforeValidator(_one_line), Field(max_length=_LONGEST)]
 #: A day as year-month-day (ISO 8601).
@@ -143,11 +150,16 @@ class Mode(Document):
 
 
 class ForceLimit(Document):
-    """What the actuator can give at the handle, N (N·m if rotary)."""
+    """What the actuator can give at the handle, of several axes in any direction, N (N·m)."""
 
     continuous: float = Field(ge=0, le=LARGEST)
     peak: float = Field(ge=0, le=LARGEST)
     source: Source | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _one(cls, raw: object) -> object:
+        return _of_all_axes(raw)
 
     @model_validator(mode="after")
     def _ordered(self) -> ForceLimit:

@@ -15,7 +15,7 @@ from identification.estimators.joint import JointLog, JointModel, Rows
 from identification.estimators.joint_motion import DevicesOfAxes
 from identification.estimators.least_squares import CUT_OFF_RANGE, FASTEST, FIRST_LOOK
 from identification.estimators.signals import unknown_intervals
-from identification.trajectory import FloatArray, Trajectories
+from identification.trajectory import BoolArray, FloatArray, Trajectories
 
 JointMethod = Literal["least-squares", "instruments", "output-error"]
 
@@ -327,20 +327,20 @@ class _Playing:
         noise = [[table.signals.noise for table in part.tables] for part in parts]
         deviations = np.array(noise) / span + np.array(bends) * span
         least = np.finfo(float).tiny + self.sizes[self._tail(0)][: self.prepared.count]
-        stands = np.array([self._stands(part) for part in range(len(parts))])[:, None]
+        stands = self._stand(np.array(noise))[:, None]
         return np.where(stands, 0.0, speeds), np.maximum(np.where(stands, 0.0, deviations), least)
 
-    def _stands(self, part: int) -> bool:
-        """Whether all axes of a log stand when it begins: readings are still, friction holds.
+    def _stand(self, noise: FloatArray) -> BoolArray:
+        """Logs all axes of which stand as they begin: readings are still, friction holds them.
 
-        A speed that friction ends at once the motion does not tell.
+        A speed that friction ends at once the motion does not tell. Noise of the readings has shape
+        (logs, axes), m.
         """
         looked = slice(self.first, self.first + FIRST_LOOK)
         friction, offset = self.prepared.model.friction(self.prepared.solve())
-        noise = [table.signals.noise for table in self.prepared.parts[part].tables]
-        still = np.ptp(self.measured[part][looked], axis=0) < _STILL * np.array(noise)
-        held = np.max(np.abs(self.forces[part][looked] - offset), axis=0) < friction
-        return bool(np.all(still & held))
+        ranges = np.array([np.ptp(each[looked], axis=0) for each in self.measured])
+        pulls = np.array([np.max(np.abs(each[looked] - offset), axis=0) for each in self.forces])
+        return np.all((ranges < _STILL * noise) & (pulls < friction), axis=1)
 
     def weighed(
         self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray

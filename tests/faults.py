@@ -732,6 +732,18 @@ FAULTS: tuple[Fault, ...] = (
             "if moved or any(each.code",
             "if not known and any(each.code",
         ),
+        ("friction along no axis", "if heavy and not explained else None", "if False else None"),
+        ("friction too strong to be taken out", "if doubt[axis] > most", "if doubt[axis] < 0"),
+    ),
+    *_of(
+        "identification/estimators/turned_friction.py",
+        "tests/test_several_axes.py -k 'joints or no_encoder'",
+        ("friction that nothing tells", "if value <= _CLEAR * deviation:", "if False:"),
+        (
+            "friction that moves little",
+            "if harmless or rest.size > _MUCH_LEFT * first.size:",
+            "if False:",
+        ),
     ),
     *_of(
         "identification/estimators/reciprocity.py",

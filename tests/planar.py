@@ -1,5 +1,7 @@
 """Devices of two and three axes for tests: random ones, forces that tell their axes apart, logs."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,10 +62,12 @@ def motion(
     own: float = 1.0,
     noise: float = 5e-6,
     only: int | None = None,
+    joints: FloatArray | None = None,
 ) -> Motions:
     """One device driven along all axes, by one common force but for ``own`` of each one's own.
 
-    With ``only`` the others are driven by nothing.
+    With ``only`` the others are driven by nothing. Friction acts along the axes, or along the
+    columns of ``joints``, which are orthonormal, and so does the rest of what is not logged.
     """
     chance = np.random.default_rng(seed)
     axes = len(mass)
@@ -71,9 +75,10 @@ def motion(
     force[:, 1:] = (own < 1) * force[:, :1] + own * force[:, 1:]
     if only is not None:
         force[:, np.arange(axes) != only] = 0.0
+    turn = np.eye(axes) if joints is None else joints
     rig = RigOfAxes(
-        mass=mass[None],
-        damping=damping[None],
+        mass=(turn.T @ mass @ turn)[None],
+        damping=(turn.T @ damping @ turn)[None],
         sample_time=STEP,
         delay=delay,
         coulomb_friction=friction[None],
@@ -81,4 +86,5 @@ def motion(
         encoder_resolution=6e-6,
         position_noise=noise,
     )
-    return rig.run(force[None], seed=seed)
+    seen = rig.run((force @ turn)[None], seed=seed)
+    return replace(seen, force=force[None], position=seen.position @ turn.T)

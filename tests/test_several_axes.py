@@ -191,6 +191,32 @@ def test_a_force_with_the_other_sign_is_named_with_its_axis() -> None:
         assert found.remedy.startswith("Negate the force of y")
 
 
+@pytest.mark.parametrize(("part", "severity"), [(0.3, "warning"), (1.0, "refusal")])
+def test_friction_of_joints_is_told_with_its_direction(part: float, severity: str) -> None:
+    """At 30° to the axes it looks like damping; what is told of it is taken out."""
+    turn = np.pi / 6
+    joints = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    seen = motion(MASS, DAMPING, part * FRICTION, seed=1, joints=joints)
+    allowed = () if severity == "warning" else ("unmodelled-force",)
+    if allowed:
+        with pytest.raises(LogRefusedError) as refused:
+            identify(seen.log(), hardware=hardware())
+        assert {each.code for each in refused.value.findings} == {"unmodelled-force"}
+    found = identify(seen.log(), hardware=hardware(), allow=allowed)
+    (told,) = (each for each in found.findings if each.code == "unmodelled-force")
+    friction, x, y = map(
+        float, re.findall(r"of (\S+) N acts along \((\S+) x, (\S+) y", told.seen)[0]
+    )
+    assert friction == pytest.approx(part * FRICTION[0], rel=0.15)
+    assert np.allclose((x, y), joints[:, 0], atol=0.05)
+    assert told.remedy.startswith("Log and tune in the coordinates of the joints")
+    assert found.device.poses is not None
+    assert np.allclose(found.device.poses[0].damping, DAMPING, atol=2.0)
+    box = found.device.simultaneous_box()
+    least, largest = np.linalg.eigvalsh(DAMPING)
+    assert box.damping[0] < least < largest < box.damping[1]
+
+
 @pytest.mark.parametrize(
     ("seed", "drift"),
     thinned([(8, 2e-3), (111, 2e-3), (113, 6e-3), (116, 6e-3), (122, 6e-3), (124, 4e-3)], 1),
@@ -205,6 +231,7 @@ def test_what_no_encoder_explains_is_fitted_by_least_squares_within_its_interval
     log = replace(seen, force=seen.force - beside + beside.mean(axis=1, keepdims=True)).log()
     device = identify(log, hardware=hardware(delay=None)).device
     assert {each.method for each in device.logs} == {"least-squares"}
+    assert not any("unmodelled-force" in each.findings for each in device.logs)
     assert device.delay is not None
     assert device.delay.low < STEP < device.delay.high
     box = device.simultaneous_box()

@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.estimators.estimate import solve
 from identification.estimators.least_squares import Regression, prepare
-from identification.estimators.motion import distinguishable_terms, refine_motion
+from identification.estimators.motion import distinguishable_terms, refine_motion, sense_of
 from identification.estimators.signals import HeldColumn, kinematics_of, of_rows
 from identification.trajectory import FloatArray, Trajectories, Trajectory
 
@@ -33,6 +33,7 @@ class JointModel:
 
     axes: tuple[str, ...]  # names
     coulomb: tuple[bool, ...]  # whether each axis tells friction from a constant force
+    directions: tuple[tuple[float, ...], ...] = ()  # of friction that acts along no axis, units
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -53,6 +54,7 @@ class JointModel:
             *(f"{name}_{one}_{other}" for name in ("mass", "damping") for one, other in pairs),
             *(f"coulomb_friction_{axis}" for axis, there in named if there),
             *(f"force_offset_{axis}" for axis in self.axes),
+            *(f"coulomb_friction_along_{each}" for each in self.directions),
         )
 
     def matrices(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -67,10 +69,13 @@ class JointModel:
         return matrix
 
     def friction(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coulomb friction and offset of each axis, zero where it is not estimated."""
+        """Coulomb friction and offset of each axis that moves alone, zero where not estimated."""
         rest = iter(values[2 * len(self.pairs) :].tolist())
         rough = np.array([next(rest) if there else 0.0 for there in self.coulomb])
-        return rough, np.array([next(rest) for _ in self.axes])
+        offset = np.array([next(rest) for _ in self.axes])
+        for direction, friction in zip(self.directions, rest, strict=False):
+            rough += friction * np.abs(direction)
+        return rough, offset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +103,12 @@ class JointPart:
     def bends(self) -> tuple[FloatArray, ...]:
         """Mean acceleration of each interval, m/s², shape (n - 1,) an axis."""
         return tuple(np.gradient(each) / self.tables[0].signals.step for each in self.speeds)
+
+    def rubbed(self, direction: FloatArray) -> FloatArray:
+        """Filtered rows of a friction of 1 N along a direction, shape (rows, axes)."""
+        sense = sense_of(direction @ np.stack(self.speeds), self.steps)
+        columns = [table.filtered(sense.times(table.motion.moving)) for table in self.tables]
+        return np.stack(columns, axis=1) * direction
 
     def held(self) -> JointPart:
         """With standstill of the axes that stand, whatever the forces."""
@@ -253,6 +264,10 @@ class JointLog:
         model = replace(self.model, coulomb=there)
         return replace(self, model=model, parts=tuple(map(without, self.parts)))
 
+    def along(self, directions: tuple[tuple[float, ...], ...]) -> JointLog:
+        """With further friction along these directions."""
+        return replace(self, model=replace(self.model, directions=directions))
+
     def at_cut_off(self, frequency: float) -> JointLog:
         """At another cut-off of the filter, Hz, the directions of motion as they are."""
         parts = (
@@ -366,6 +381,8 @@ def _rows(
             columns[names.index(rough), :, axis] = table.filtered(table.motion.direction)
         columns[names.index(f"force_offset_{model.axes[axis]}"), :, axis] = table.filtered(moving)
         target[:, axis] = table.force(delay)
+    for place, direction in enumerate(model.directions, len(names) - len(model.directions)):
+        columns[place] = part.rubbed(np.array(direction))
     return columns, target, parasitic
 
 

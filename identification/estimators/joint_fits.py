@@ -164,7 +164,7 @@ def noise_free_positions(prepared: JointLog) -> Sequence[Sequence[FloatArray]]:
     known = [[each for each in part if each is not None] for part in explained]
     if all(len(each) == prepared.count for each in known):
         return known
-    play = _Playing.of(prepared, fits_delay=False)
+    play = _Playing.of(prepared.along(()), fits_delay=False)
     theta = play.start()
     if not play.allowed(theta):
         raise NoMassError

@@ -112,11 +112,15 @@ def measured_motion(
         ratio = noise / (_CROSSING_ERROR * bend)
         width = min((ratio**2 / (4 * np.sqrt(np.pi))) ** (1 / 3), _WIDEST)
     velocity = LowPass(kernel=gaussian(width, 1.0)).continued(np.diff(position) / steps)
+    moving = 1.0 - _dwelling(position, noise, bend)
+    return Motion(direction=sense_of(velocity, steps).times(moving), moving=moving)
+
+
+def sense_of(velocity: FloatArray, steps: float | FloatArray) -> HeldColumn:
+    """Sign of a velocity that is known as its mean over each interval, m/s, shape (n - 1,)."""
     ends = np.concatenate((velocity[:1], (velocity[1:] + velocity[:-1]) / 2, velocity[-1:]))
     even = np.ones(velocity.size)
-    turn = HeldColumn.turning(*_turning(ends[:-1], ends[1:], even, even), steps)
-    moving = 1.0 - _dwelling(position, noise, bend)
-    return Motion(direction=turn.times(moving), moving=moving)
+    return HeldColumn.turning(*_turning(ends[:-1], ends[1:], even, even), steps)
 
 
 def refine_motion(

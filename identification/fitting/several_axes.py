@@ -16,7 +16,13 @@ import numpy as np
 
 from identification.device.device import Device, ForceLimit, LogRecord
 from identification.device.hardware import Hardware, SuggestedFacts
-from identification.device.quantities import Covariance, Pose, Quantity, quantity
+from identification.device.quantities import (
+    Covariance,
+    Pose,
+    Quantity,
+    direction_in_words,
+    quantity,
+)
 from identification.errors import Finding, LogRefusedError, UsageError, refusal, refuse
 from identification.estimators import Method
 from identification.estimators.joint import JointLog, driven, driving_logs
@@ -30,6 +36,7 @@ from identification.estimators.joint_fits import (
 from identification.estimators.least_squares import find_delay, longest_delay, prepare
 from identification.estimators.motion import distinguishable_terms
 from identification.estimators.reciprocity import UnequalCoupling, unequal_couplings
+from identification.estimators.turned_friction import TurnedFriction, turned_friction
 from identification.findings import inspect
 from identification.findings.forces import POSITION_REMEDY
 from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
@@ -62,6 +69,9 @@ _NEGATED = (
     "Negate the force of {axis} in the log, force being positive along +position; --force-gain -1 "
     "does that where it is in N (N·m)."
 )
+_TURNED = "Log and tune in the coordinates of the joints or motors along which friction acts."
+#: Part of a damping by which what such friction leaves over may make it doubtful, 95 %.
+_MOST_DOUBT = 0.5
 _APART = "Drive all axes at once with forces of their own (other lines or phases), for longer."
 
 
@@ -75,6 +85,7 @@ class _JointFit:
     reason: str
     apart: float  # least eigenvalue of the correlations of the accelerations
     unequal: tuple[UnequalCoupling, ...]  # contradictions between the rows of two axes
+    turned: TurnedFriction | None  # friction along directions that are no axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,7 +148,8 @@ def fit_axes(
             for each in _of_alone(joint, place)
         )
         + tuple(
-            each.of(_sources(joint.logs)) for each in (*_not_told_apart(joint), *_unequal(joint))
+            each.of(_sources(joint.logs))
+            for each in (*_not_told_apart(joint), *_turned(joint), *_unequal(joint))
         )
         for found, joint in zip(noticed, fits, strict=True)
     ]
@@ -286,14 +298,19 @@ def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware, method: Method) 
             prepared = replace(prepared, delay=min(late, room), doubt=doubt)
             estimate = fit_jointly(prepared, estimate.method)
             alone = _fitted_alone(prepared, estimate, hardware)
+        heavy = bool(np.all(np.diag(estimate.matrices[0]) > 0))  # else told by what is to blame
+        explained = _explained(estimate, logs)
+        turned = turned_friction(prepared, estimate) if heavy and not explained else None
+        if turned is not None:
+            prepared, estimate = turned.prepared, turned.estimate
+            reason = f"{estimate.method.replace('-', ' ')} with friction along no axis"
     except (NoMassError, np.linalg.LinAlgError):
         raise LogRefusedError((_no_mass().of(_sources(logs)),)) from None
-    if not _explained(estimate, logs):
+    if not explained:
         estimate = _widened(estimate, alone)
     bends = [[table.columns[0] for table in part.tables] for part in prepared.parts]
     together = np.stack([np.concatenate(each) for each in zip(*bends, strict=True)])
     apart = float(np.linalg.eigvalsh(np.corrcoef(together))[0])
-    heavy = bool(np.all(np.diag(estimate.matrices[0]) > 0))  # what is to blame is told otherwise
     return _JointFit(
         logs=logs,
         estimate=estimate,
@@ -301,6 +318,7 @@ def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware, method: Method) 
         reason=reason,
         apart=apart,
         unequal=unequal_couplings(prepared, estimate) if heavy else (),
+        turned=turned,
     )
 
 
@@ -421,6 +439,27 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
                     ),
                 )
     return ()
+
+
+def _turned(joint: _JointFit) -> Iterator[Finding]:
+    """``unmodelled-force`` where friction acts along directions that are no axis."""
+    turned, names = joint.turned, joint.logs[0].names
+    if turned is None:
+        return
+    direction, friction = turned.strongest
+    damping, before = (np.diag(each.matrices[1]) for each in (turned.estimate, turned.before))
+    doubt = NORMAL_95 * turned.left * np.abs(damping - before)
+    axis = int(np.argmax(doubt / np.abs(damping)))
+    most = _MOST_DOUBT * abs(damping[axis])
+    yield Finding(
+        code="unmodelled-force",
+        severity="refusal" if doubt[axis] > most else "warning",
+        seen=f"friction of {friction:.3g} {'N·m' if joint.logs[0].motion == 'rotary' else 'N'} "
+        f"acts {direction_in_words(direction, names)}: damping of {names[axis]} is "
+        f"{before[axis]:.4g} without it, {damping[axis]:.4g} ± {doubt[axis]:.2g} with it",
+        needed=f"friction along {' and '.join(names)} alone, or ± {most:.2g} at most",
+        remedy=_TURNED,
+    )
 
 
 def _unequal(joint: _JointFit) -> Iterator[Finding]:

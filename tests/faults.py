@@ -749,6 +749,7 @@ FAULTS: tuple[Fault, ...] = (
         "identification/estimators/reciprocity.py",
         "tests/test_units_of_axes.py",
         ("rows of two axes that contradict each other", "<= least:", ">= 0:"),
+        ("a gain of mass and damping", "forth / back, forth / back) < nearly / 2", "1, 1) > 0"),
     ),
     *_of(
         "identification/readers/columns.py",

@@ -59,6 +59,17 @@ def test_a_force_of_one_axis_in_another_unit_is_refused(method: ident.Method, ga
     assert f"one of {large} as much too large" in found.remedy
 
 
+def test_a_force_between_axes_is_no_gain_of_one() -> None:
+    """What adds to the damping of y by the motion of x leaves their masses alike."""
+    seen = motion(MASS, DAMPING, FRICTION, seed=1)
+    force = seen.force.copy()
+    force[..., 1] += 2.0 * seen.speed[..., 0]
+    with pytest.raises(LogRefusedError) as refused:
+        identify(replace(seen, force=force).log(), hardware=_hardware())
+    assert "force-unit" not in {each.code for each in refused.value.findings}
+    assert "no gain mends both" in str(refused.value)
+
+
 @pytest.fixture
 def here(here: Path) -> Path:
     """A folder with the bundled log of two axes, y in mm, and its hardware."""

@@ -463,13 +463,25 @@ def _turned(joint: _JointFit) -> Iterator[Finding]:
 
 
 def _unequal(joint: _JointFit) -> Iterator[Finding]:
-    """``force-unit`` where an axis couples to another otherwise than that to the first."""
+    """``force-unit`` where an axis couples to another otherwise than that to the first.
+
+    A gain does so to mass and damping alike; what does not is ``unmodelled-force``.
+    """
     units = {"mass": "kg", "damping": "N·s/m"}
     if joint.logs[0].motion == "rotary":
         units = {"mass": "kg·m²", "damping": "N·m·s/rad"}
     for each in joint.unequal:
-        one, other = each.axes
-        unit, ratio = units[each.which], each.ratio
+        (one, other), ratio = each.axes, each.ratio
+        seen = (
+            f"the {each.which} that couples {one} to {other} is {each.forth:.4g} "
+            f"{units[each.which]} in the force of {one} and {each.back:.4g} in that of {other}"
+        )
+        needed = "the same, as of one device"
+        if not each.alike:
+            seen += ", and no gain mends both mass and damping"
+            remedy = f"Look for forces between them, as of friction at joints. {_TURNED}"
+            yield refusal("unmodelled-force", seen=seen, needed=needed, remedy=remedy)
+            continue
         small, large = (other, one) if abs(ratio) > 1 else (one, other)
         size = max(abs(ratio), 1 / abs(ratio))
         blame = (
@@ -480,10 +492,8 @@ def _unequal(joint: _JointFit) -> Iterator[Finding]:
             blame = f"The force or the position of {one} or of {other} has the wrong sign"
         yield refusal(
             "force-unit",
-            seen=f"the {each.which} that couples {one} to {other} is {each.forth:.4g} {unit} in "
-            f"the force of {one} and {each.back:.4g} {unit} in that of {other}, "
-            f"{ratio:.3g} times",
-            needed="the same, as of one device",
+            seen=f"{seen}, {ratio:.3g} times",
+            needed=needed,
             remedy=f"{blame}: check the columns of each axis, their order, signs and units; "
             "--force-gain and --position-gain take a number for each axis, between commas.",
         )

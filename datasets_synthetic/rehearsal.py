@@ -396,7 +396,7 @@ def rehearse(
     duration: float = 3.0,
     reach: float | FloatArray | None = None,
     push: float | FloatArray | None = None,
-    force_allowed: float | None = None,
+    force_allowed: float | Sequence[float] | None = None,
     seed: int = 0,
 ) -> tuple[Rehearsal, ...]:
     """Plays the standard trials of every controller of a batch on one device, in every condition.
@@ -421,9 +421,9 @@ def rehearse(
         push: the force limit that the pushes are measured by, N (N·m), a number or shape
             (batch,); None for the rig's.
         force_allowed: amplitude of the force at the end that counts as settled beside three counts
-            of the readings, N (N·m); None for 1 % of ``push``. Within a count or so an encoder
-            keeps a frictionless device moving with about the force of its ripple: where a ripple of
-            r rms is accepted, allow at least 3·√2·r.
+            of the readings, N (N·m), a number or shape (batch,); None for 1 % of ``push``. Within a
+            count or so an encoder keeps a frictionless device moving with about the force of its
+            ripple: where a ripple of r rms is accepted, allow at least 3·√2·r.
         seed: of tremor, if the hand has any.
 
     Returns:
@@ -436,7 +436,9 @@ def rehearse(
     sizes = _Sizes.of(rig, controller.size(), reach=reach, push=push, duration=duration)
     conditions = _conditions(rig, hand, others)
     plays = _plays(controller, conditions, sizes.batch)
-    force = _FORCE * sizes.limit if force_allowed is None else np.full(sizes.batch, force_allowed)
+    force = _FORCE * sizes.limit
+    if force_allowed is not None:
+        force = np.broadcast_to(np.asarray(force_allowed, dtype=np.float64), (sizes.batch,))
     ends: dict[int, Ending] = {}
     rates = _slowest_rates(controller, conditions, sizes.batch)
     left: list[int] = list(range(len(plays)))

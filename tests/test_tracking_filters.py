@@ -112,9 +112,9 @@ def test_a_wall_that_tracks_its_speed_is_a_fifth_stiffer_and_stands_in_every_che
 ) -> None:
     """Three states with poles that ring; the certificate proves it over the box by itself."""
     wall = {"stiffness": "max", "damping": "max", "one_sided": True}
-    plain = tuned(wall, device)
+    plain = tuned(wall, device, velocity_filter="low-pass")
     tracks = tuned(wall, device, velocity_filter="tracking", filter_damping_ratio=0.5)
-    free = tuned(wall, device, velocity_filter="free")
+    free = tuned(wall, device)
     assert tracks.elements["a"].stiffness >= 1.2 * plain.elements["a"].stiffness
     assert free.elements["a"].stiffness >= 0.98 * tracks.elements["a"].stiffness
     path = tmp_path / "profile.yaml"

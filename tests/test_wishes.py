@@ -414,3 +414,12 @@ def test_a_wall_that_is_pushed_through_is_told_with_what_takes_its_force(here: P
         assert ("pushed through" in said) == weak
         # What a clamp does not let pass is not told as if it did.
         assert "all of the continuous force" not in said
+
+
+def test_of_ranges_that_only_exclude_each_other_the_last_is_left_out() -> None:
+    springs = {name: {"stiffness": {"min": 900.0, "max": 2000.0}} for name in ("first", "last")}
+    profile = _tuned(springs, together=[[*springs]])
+    assert profile.elements["first"].stiffness > 1300
+    assert profile.elements["last"].stiffness == 0
+    (note,) = profile.notes
+    assert "last.stiffness dropped: its range starts at 900, which no setting" in note

@@ -466,8 +466,7 @@ def open_command(
         raise UsageError("--port", f"{port}: {error.strerror}", "Give another, or 0") from None
 
 
-#: Amplitude of force that may last, in ripple limits: the peak of three rms of a sinusoid. Within a
-#: count the encoder keeps a frictionless device moving for ever.
+#: Amplitude of force that may last, in ripples: within a count an encoder never lets it rest.
 _LASTING = 3 * 2**0.5
 #: Combinations played in one run: a step of a batch costs little more than one of a single device
 #: until there are some hundred members, and each combination is some three dozen.
@@ -515,7 +514,7 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
             _law(design, part),
             hand=hand,
             others=others,
-            force_allowed=_LASTING * design.ripple_limit,
+            force_allowed=[_lasting(design, names) for names in part],
             duration=min(_LONGEST, _MOST_SAMPLES * design.device.sample_time.value),
         )
         for names, each in zip(part, found, strict=True):
@@ -523,6 +522,14 @@ def refuse_restless(design: Design, say: Callable[[str], None]) -> None:
                 vetoes[names] = each.vetoes[0].reason
     if vetoes:
         raise RestlessError(vetoes)
+
+
+def _lasting(design: Design, combination: tuple[str, ...]) -> float:
+    """Amplitude that the force may keep; beside walls ripple is told, not bound."""
+    from tune.certificate.claims import meets_wall
+
+    told = sum(design.elements[name].ripple or 0.0 for name in combination)
+    return _LASTING * max(design.ripple_limit, told * meets_wall(design, combination))
 
 
 def _other_rigs(design: Design, rig: Rig) -> list[Rig]:

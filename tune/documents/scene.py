@@ -392,8 +392,8 @@ Cutoff = Annotated[
 class LoopFreedom(Document):
     """Filters shared by all elements: a cut-off in Hz, ``none``, or ``free``; and their kind.
 
-    Unstated, the kind is a low-pass, or free where that would drop an effect. Where it is ``free``,
-    kind and order are chosen with the cut-off, and the damping ratio unless it is stated.
+    A kind that is not stated is free where its cut-off is: kind and order are chosen with it, and
+    the damping ratio unless it is stated. Else it is a low-pass.
 
     Attributes:
         velocity_filter: kind of the filter behind the backward difference.
@@ -460,23 +460,23 @@ class LoopFreedom(Document):
         order = getattr(self, f"{which}_filter_order") or DIFFERENCES[which] + 2 * tracks
         return "tracking" if tracks else "low-pass", order
 
-    def is_usual(self, which: Derivative) -> bool:
-        """Whether a filter could be of another kind: its cut-off is free and no kind is stated."""
-        stated = getattr(self, f"{which}_filter") or getattr(self, f"{which}_filter_order")
+    def _is_free(self, which: Derivative) -> bool:
+        """Whether the kind of a filter is looked for."""
+        kind = getattr(self, f"{which}_filter")
         windowed = which == "velocity" and self.velocity_window_samples is not None
-        return not stated and not windowed and getattr(self, f"{which}_filter_hz") == "free"
+        if kind or windowed or getattr(self, f"{which}_filter_order"):
+            return kind == "free"
+        return getattr(self, f"{which}_filter_hz") == "free"
 
     def kinds(self, which: Derivative) -> tuple[tuple[FilterKind, int], ...]:
         """Kinds and orders to choose from where they are free, else the stated one."""
-        free = getattr(self, f"{which}_filter") == "free"
-        return KINDS[which] if free else (self.kind(which),)
+        return KINDS[which] if self._is_free(which) else (self.kind(which),)
 
     def ratios(self) -> tuple[float, ...]:
         """Damping ratios to choose from: one where it is stated or no kind is free."""
         if self.filter_damping_ratio is not None:
             return (self.filter_damping_ratio,)
-        free = any(getattr(self, f"{each}_filter") == "free" for each in DERIVATIVES)
-        return RATIOS if free else RATIOS[:1]
+        return RATIOS if any(map(self._is_free, DERIVATIVES)) else RATIOS[:1]
 
 
 class ElementSets(Document):

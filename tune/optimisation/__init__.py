@@ -7,7 +7,7 @@ one margin the largest product of steps is one point of many that no other excee
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Literal, cast
 
@@ -64,26 +64,17 @@ from tune.optimisation.describe import (
 from tune.optimisation.feasibility import SAME
 from tune.optimisation.nash import Solution
 from tune.optimisation.problem import LONGER, SLACK, DesignTask
+from tune.optimisation.proved import MOST_PROVED, Progress, Proved, best_proved, solve_groups
 from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import (
-    CutoffObjective,
     groups,
     keep_promises,
     proofs_of,
-    rank_of,
-    solve,
     witnesses_of,
-    worth_of,
 )
-
-Progress = Callable[[str], None]
-#: The task, with the pairs that had to be told apart, and the largest effects of every group.
-_Solved = tuple[DesignTask, list[Solution]]
 
 #: Proposals after the first, each warned by what the check said of the one before.
 _MOST_ATTEMPTS = 4
-#: Choices of filters whose clamps are proved in turn.
-_MOST_PROVED = 4
 #: Cells of the proof of a combination after which more margin is tried; the last try has all.
 _CELLS = 50_000
 #: Stable at twice the gain and one sample late: room for what a model leaves out.
@@ -131,40 +122,41 @@ def optimise(
     if refusal is not None:
         raise NoFeasibleEffectError((f"device: {refusal}",))
     task = DesignTask.of(as_stored(device), scene.one_of_each(), table or default_table(), favour)
-    choices = choose_filters(task, say)
+    choices, known = choose_filters(task, say), dict[Filters, Proved]()
     while True:
-        filters, solved = _best_proved(task, choices, say)
+        best = best_proved(task, choices, known, say)
         try:
-            return _certified(filters, solved, scene, say)
+            return _certified(best, scene, say)
         except CheckFailedError as error:
-            choices = [each for each in choices[:_MOST_PROVED] if each[0] != filters]
+            choices = [each for each in choices[:MOST_PROVED] if each[0] != best.choice]
             if not choices:
-                less = solved[0].with_less_to_prove(error.unproved, _UNPROVED)
+                less = best.task.with_less_to_prove(error.unproved, _UNPROVED)
                 if less is None:
                     raise
                 say("tuning without what is not proved")
-                task, choices = less, choose_filters(less, say)
+                task, choices, known = less, choose_filters(less, say), {}
 
 
-def _certified(filters: Filters, solved: _Solved, scene: Scene, say: Progress) -> SafeProfile:
+def _certified(best: Proved, scene: Scene, say: Progress) -> SafeProfile:
     """The profile of the largest effects with some filters, of a little less where a proof fails.
 
     What is alike an element that was tuned plays the same. Raises CheckFailedError where less does
     not help.
     """
     for attempt in range(_MOST_ATTEMPTS + 1):
-        filters, task, design, witnesses = _proposed(filters, solved, say)
+        best, design, witnesses = _proposed(best, say)
         say("certifying")
         try:
-            last = attempt == _MOST_ATTEMPTS or task.slack >= SLACK[-2]
-            certificate = certify(design, None if last else _cells_of(task), witnesses)
+            last = attempt == _MOST_ATTEMPTS or best.task.slack >= SLACK[-2]
+            certificate = certify(design, None if last else _cells_of(best.task), witnesses)
         except CheckFailedError as error:
-            warned = _warned(task, error, witnesses)
+            warned = _warned(best.task, error, witnesses)
             if warned is None or attempt == _MOST_ATTEMPTS:
                 raise
-            solved = _solved(warned, filters, say)
+            task, solutions = solve_groups(warned, best.filters, say)
+            best = replace(best, task=task, solutions=solutions)
             continue
-        if len(scene.elements) > len(task.scene.elements):
+        if len(scene.elements) > len(best.task.scene.elements):
             from tune.optimisation.alike import with_all_alike
 
             design = with_all_alike(design, scene)
@@ -183,89 +175,32 @@ def _silent(sentence: str) -> None:
     """No report of progress."""
 
 
-def _best_proved(
-    task: DesignTask, choices: Sequence[tuple[Filters, CutoffObjective]], say: Progress
-) -> tuple[Filters, _Solved]:
-    """The filters that leave most once clamps are proved, and the largest effects with them.
-
-    As many effects as can be kept count first, then as few pairs apart as can be. Choices come with
-    what they are worth at most, the best first.
-    """
-    found: tuple[Filters, _Solved] | None = None
-    most: tuple[tuple[int, ...], int, float] | None = None
-    for filters, bound in choices[:_MOST_PROVED]:
-        if most is not None and not most[1] and bound <= (most[0], most[2]):
-            break
-        less, solutions = _solved(task, filters, say)
-        filtered = [
-            s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
-        ]
-        worth = worth_of(task, filtered)
-        mine = worth.kept, -len(less.apart), worth.value
-        if most is None or mine > most:
-            found, most = (filters, (less, solutions)), mine
-    assert found is not None  # there is a choice
-    return found
-
-
-def _solved(task: DesignTask, filters: Filters, say: Progress) -> _Solved:
-    """The largest effects of every group.
-
-    A wall and an element that are not proved together are told apart in the task that is returned,
-    where the element cannot leave room for the wall.
-    """
-    found: dict[tuple[str, ...], Solution] = {}
-    usual = order = groups(task.scene)
-    while len(found) < len(order):
-        elements = order[len(found)]
-        say(f"tuning {', '.join(elements)} ({len(found) + 1} of {len(order)})")
-        solved = solve(task, elements, filters, [*found.values()])
-        if solved.clash is None:
-            found[elements] = solved
-            less = task.without_lost_walls(solved.dropped)
-            if less is not None:
-                task, found, order = less, {}, usual
-            continue
-        wall, other = solved.clash
-        before, task = task, task.with_room_for(wall, other) or task.without(solved.clash)
-        if before.parts != task.parts:  # tuned anew from the first that has more room, or less
-            first = next(n for n, each in enumerate(order) if other in each)
-            found = {each: found[each] for each in order[:first]}
-            # Walls of one priority are not met with each other: those that are settled wait.
-            rank = rank_of(task.scene, elements)
-            place = next(n for n, each in enumerate(order) if rank_of(task.scene, each) == rank)
-            order = (*order[:place], elements, *(e for e in order[place:] if e != elements))
-    return task, [found[each] for each in usual]
-
-
-def _proposed(
-    filters: Filters, solved: _Solved, say: Progress
-) -> tuple[Filters, DesignTask, Design, dict[str, AbsoluteStability]]:
+def _proposed(best: Proved, say: Progress) -> tuple[Proved, Design, dict[str, AbsoluteStability]]:
     """The largest effects of every group as a design, and what proves its clamps, as stored.
 
     What no fade keeps from being pumped is left out, and the rest tuned once more, with filters of
     its own.
     """
-    task, solutions = solved
-    dropped = with_what_is_felt(task, filters, solutions)
+    task, solutions = best.task, best.solutions
+    dropped = with_what_is_felt(task, best.filters, solutions)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))
-    design = design_of(task, filters, solutions, dropped)
+    design = design_of(task, best.filters, solutions, dropped)
     try:
         design = with_fades(design, task.scene)
     except NoFadeError as error:
         say(f"{error.element} could be pumped however slowly it fades")
-        less = _without_fade(solved, design, error.element)
-        return _proposed(*_best_proved(less, choose_filters(less, say), say), say)
-    return filters, task, as_stored(design), witnesses_of(task, solutions)
+        less = _without_fade(best, design, error.element)
+        return _proposed(best_proved(less, choose_filters(less, say), {}, say), say)
+    return best, as_stored(design), witnesses_of(task, solutions)
 
 
-def _without_fade(solved: _Solved, design: Design, element: str) -> DesignTask:
+def _without_fade(best: Proved, design: Design, element: str) -> DesignTask:
     """The task without what fades in an element: mass, and what is taken from the device."""
-    task, solutions = solved
+    task = best.task
     (own,) = (
         each
-        for each in solutions
+        for each in best.solutions
         if any(u.element == element and not u.settled for u in each.problem.unknowns)
     )
     fading = {

@@ -70,13 +70,14 @@ def choose_filters(
     damper, the other for a mass. What cannot be kept with the best of all that is left out once
     more, and looked for without it: first what its element cannot keep by itself. The best of other
     kinds follow, each with what groups that use filters are worth with it at most: nothing is
-    proved here. A kind that nobody stated is free where the usual one leaves its effect out.
+    proved here.
     """
-    search, done = _search_of(task, say), frozenset[str]()
+    done = frozenset(dict(task.left_out))
+    search = _search_of(task, say, done)
     best = search.best()
     for alone in (True, False):
         left_out = search.left_out(best)
-        gone = _hopeless(task, say, left_out) if alone else left_out
+        gone = done | (_hopeless(task, say, left_out - done) if alone else left_out)
         if gone == done or not (fewer := _search_of(task, say, gone)).free:
             continue
         found, done = fewer.best(), gone
@@ -86,28 +87,7 @@ def choose_filters(
         names += ["filter_damping_ratio"] * all(each.order < 2 for each in used)
         found = replace(found, **{name: getattr(best, name) for name in names})
         best = search.better(found, best)
-    lost = search.left_out(best)
-    wider = _with_free_kinds(task, best, lost)
-    if wider != task and _hopeless(wider, say, lost) < lost:
-        return choose_filters(wider, say)
     return search.ranked(best)
-
-
-def _with_free_kinds(task: DesignTask, filters: Filters, lost: frozenset[str]) -> DesignTask:
-    """The task with free kinds of the filters of lost effects, where none is stated.
-
-    Not of what is lost with any filter, for its wish or the limit of force.
-    """
-    loop, free = task.scene.loop, dict[str, str]()
-    for label in lost - dict(task.left_out).keys():
-        problem = problem_of(task, elements=[label.rpartition(".")[0]], filters=filters)
-        (index,) = (place for place, u in enumerate(problem.unknowns) if u.label == label)
-        unknown, nothing = problem.unknowns[index], np.zeros(len(problem.unknowns))
-        most = problem.linear.bounds(nothing, index).get("force", math.inf)
-        if unknown.effect in _USES and unknown.low <= min(unknown.high, most):
-            which = DERIVATIVES[_USES.index(unknown.effect)]
-            free |= {f"{which}_filter": "free"} if loop.is_usual(which) else {}
-    return replace(task, scene=task.scene.model_copy(update={"loop": loop.model_copy(update=free)}))
 
 
 def _hopeless(
@@ -257,10 +237,12 @@ class _Search:
         if not self.free:
             return [(best, CutoffObjective(kept=(), value=0.0))]
         most = self._objective(self._place(best))
-        found = {_kind_of(best): best}
-        for filters in sorted(self.tried, key=self.tried.__getitem__, reverse=True):
+        found: dict[Filters, Filters] = {}
+        for filters in (best, *sorted(self.tried, key=self.tried.__getitem__, reverse=True)):
             if self.tried[filters].kept == most.kept:
-                found.setdefault(_kind_of(filters), filters)
+                damping, mass = (0.0 if self._is_used(filters, i) else None for i in (0, 1))
+                used = used_filters(filters, Effects(damping=damping, mass=mass))
+                found.setdefault(_kind_of(used), filters)
         return [(each, self.tried[each]) for each in found.values()]
 
     def _least_good(self) -> Filters:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import as_stored
-from tune.documents import NoFeasibleEffectError
 from tune.documents.profile import AbsoluteStability
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
@@ -87,10 +86,8 @@ def solve(
 
     Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
     can be proved safe so at the scene's margin; else the usual motion bounds them. What was tuned
-    before may be felt beside it. A second opinion asks all solvers, and for proofs of clamps.
-
-    Raises:
-        NoFeasibleEffectError: a range cannot be met.
+    before may be felt beside it. A second opinion asks all solvers, where linear limits alone bind,
+    and for proofs of clamps.
     """
     met = _met(task, elements)
     beside = {
@@ -163,7 +160,7 @@ def _solved(
             room=room,
             most=most,
             choosing=not room and not most,
-            second_opinion=second_opinion,
+            second_opinion=second_opinion and not room and not most,
             gone=left_out,
         )
 
@@ -295,9 +292,6 @@ def optimum_of(
     ``gone`` is left out, with the reason, as is what the task leaves out. Where effects that are
     possible alone are not so together, it is chosen which are kept; without ``choosing`` the
     optimum has no sizes there.
-
-    Raises:
-        NoFeasibleEffectError: a range cannot be met.
     """
 
     def problem_without(gone: frozenset[str]) -> Problem:
@@ -417,11 +411,7 @@ def _promises(unknown: Unknown) -> bool:
 def _broken_ranges(
     problem: Problem, own: Collection[str], feasible: Callable[[frozenset[str]], bool]
 ) -> dict[str, str]:
-    """Elements whose ranges cannot be met even by themselves, with reasons.
-
-    Raises:
-        NoFeasibleEffectError: each can be by itself, but not all of them.
-    """
+    """Elements whose ranges cannot be met even by themselves, with reasons; else the faintest."""
     ranges = [u for u in problem.unknowns if u.label in own and _promises(u)]
     whole = {
         name: frozenset(u.label for u in problem.unknowns if u.element == name and u.label in own)
@@ -432,9 +422,9 @@ def _broken_ranges(
     if broken:
         alone = {u.label: _most_alone(problem, u) for u in ranges if u.element in broken}
         return keep_promises(problem, alone)
-    beside = "no setting keeps it together with the other effects"
-    found = keep_promises(problem, {u.label: beside for u in ranges})
-    raise NoFeasibleEffectError(tuple(f"{u.label}: {found[u.label]}" for u in ranges))
+    beside = "which no setting that was found keeps beside the other ranges"
+    last = max(u.level for u in ranges)
+    return keep_promises(problem, {[u for u in ranges if u.level == last][-1].label: beside})
 
 
 def _most_alone(problem: Problem, unknown: Unknown) -> str:
@@ -518,22 +508,16 @@ def tune_with_filters(
         points = points[passes_cheap_limits(problem, points)]
         return [*points[stable_in_doubles(problem, points)][:1]], before.optimum.scenarios
 
-    cut = may_saturate(task, elements)
-    try:
-        problem, optimum, dropped = optimum_of(
-            task,
-            elements,
-            filters,
-            cut=cut,
-            second_opinion=False,
-            known=known,
-            choosing=choosing,
-            gone=dict.fromkeys(gone, ""),
-        )
-    except NoFeasibleEffectError:
-        problem = problem_of(task, elements=elements, filters=filters, cut=cut, gone=gone)
-        kept = (-len(problem.unknowns),) * len(ranks_of(task))
-        return Tuned(objective=CutoffObjective(kept=kept, value=0.0), problem=problem, optimum=None)
+    problem, optimum, dropped = optimum_of(
+        task,
+        elements,
+        filters,
+        cut=may_saturate(task, elements),
+        second_opinion=False,
+        known=known,
+        choosing=choosing,
+        gone=dict.fromkeys(gone, ""),
+    )
     sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
     levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
     # A range that is missed costs more than all else that could be kept instead.

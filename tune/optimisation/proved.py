@@ -1,0 +1,142 @@
+"""Groups of a scene tuned one after the other, and the filters that leave most once proved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from tune.documents.scene import Effects
+from tune.loop.loop import Filters, used_filters
+from tune.optimisation.nash import Solution
+from tune.optimisation.problem import CutoffAxis, DesignTask
+from tune.optimisation.solve import CutoffObjective, groups, rank_of, solve, worth_of
+
+Progress = Callable[[str], None]
+
+#: Choices of filters whose clamps are proved in turn.
+MOST_PROVED = 4
+#: The cut-off of the velocity is raised by this factor, for walls so many times at first.
+_LESS_LAG, _RAISED = 1.25, 2
+#: A pair that had to be told apart counts as half of the product.
+_APART = math.log(2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proved:
+    """What some filters leave once clamps are proved.
+
+    Attributes:
+        choice: of which the filters are, with a cut-off of the velocity that was raised.
+        raised: so many times.
+        task: with the pairs that had to be told apart.
+        solutions: the largest effects of every group.
+        worth: what is kept, and the logarithm of the product less what pairs apart count.
+        held_back: whether proofs leave less than linear limits do.
+    """
+
+    choice: Filters
+    raised: int
+    filters: Filters
+    task: DesignTask
+    solutions: list[Solution]
+    worth: CutoffObjective
+    held_back: bool
+
+    @classmethod
+    def of(cls, task: DesignTask, choice: Filters, raised: int, say: Progress) -> Proved:
+        """The largest effects of every group, a free cut-off of the velocity raised so often."""
+        filters = _with_less_lag(task, choice, raised)
+        less, solutions = solve_groups(task, filters, say)
+        filtered = [
+            s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
+        ]
+        worth = worth_of(task, filtered)
+        return cls(
+            choice=choice,
+            raised=raised,
+            filters=filters,
+            task=less,
+            solutions=solutions,
+            worth=worth._replace(value=worth.value - _APART * len(less.apart)),
+            held_back=less != task or any(each.stepped_back for each in filtered),
+        )
+
+
+def best_proved(
+    task: DesignTask,
+    choices: Sequence[tuple[Filters, CutoffObjective]],
+    known: dict[Filters, Proved],
+    say: Progress,
+) -> Proved:
+    """The filters that leave most once clamps are proved, and the largest effects with them.
+
+    Choices come with what they are worth at most, the best first. Walls are proved larger with less
+    lag than is best for linear limits: the cut-off of the velocity is raised as long as proofs hold
+    them back. What is known of this task is not solved again, and what is found is added to it.
+    """
+
+    def proved(choice: Filters, raised: int) -> Proved:
+        filters = _with_less_lag(task, choice, raised)
+        if filters not in known:
+            known[filters] = Proved.of(task, choice, raised, say)
+        return replace(known[filters], choice=choice, raised=raised)
+
+    best = proved(choices[0][0], 0)
+    raised = _RAISED if best.held_back and task.scene.walls else 0
+    for choice, bound in choices[:MOST_PROVED]:
+        if bound <= best.worth:
+            break
+        best = max(best, proved(choice, raised), key=lambda each: each.worth)
+    way = 1 if best.held_back else -1
+    while not best.task.apart and best.raised + way >= 0:
+        found = proved(best.choice, best.raised + way)
+        if found.worth <= best.worth:
+            break
+        best = found
+        if way < 0 and found.held_back:
+            break
+    return best
+
+
+def _with_less_lag(task: DesignTask, filters: Filters, times: int) -> Filters:
+    """Filters with a free cut-off of the velocity raised so many times, none beyond the highest."""
+    axis = CutoffAxis.of(task.scene.loop.velocity_filter_hz, 0.5 / task.device.sample_time.high)
+    hertz = filters.velocity_filter_hz
+    if hertz is None or not axis.free or not times:
+        return filters
+    place = axis.place(hertz) + times * math.log(_LESS_LAG)
+    raised = replace(filters, velocity_filter_hz=axis.hertz(place))
+    return used_filters(raised, Effects(damping=0.0, mass=0.0))
+
+
+def solve_groups(
+    task: DesignTask, filters: Filters, say: Progress
+) -> tuple[DesignTask, list[Solution]]:
+    """The largest effects of every group.
+
+    A wall and an element that are not proved together are told apart in the task that is returned,
+    where the element cannot leave room for the wall.
+    """
+    found: dict[tuple[str, ...], Solution] = {}
+    usual = order = groups(task.scene)
+    while len(found) < len(order):
+        elements = order[len(found)]
+        say(f"tuning {', '.join(elements)} ({len(found) + 1} of {len(order)})")
+        solved = solve(task, elements, filters, [*found.values()])
+        if solved.clash is None:
+            found[elements] = solved
+            less = task.without_lost_walls(solved.dropped)
+            if less is not None:
+                task, found, order = less, {}, usual
+            continue
+        wall, other = solved.clash
+        before, task = task, task.with_room_for(wall, other) or task.without(solved.clash)
+        if before.parts != task.parts:  # tuned anew from the first that has more room, or less
+            first = next(n for n, each in enumerate(order) if other in each)
+            found = {each: found[each] for each in order[:first]}
+            # Walls of one priority are not met with each other: those that are settled wait.
+            rank = rank_of(task.scene, elements)
+            place = next(n for n, each in enumerate(order) if rank_of(task.scene, each) == rank)
+            order = (*order[:place], elements, *(e for e in order[place:] if e != elements))
+    return task, [found[each] for each in usual]

@@ -577,9 +577,10 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "identification/fitting/__init__.py",
-        "tests/test_findings.py -k measured",
-        ("a measured force that tells a delay", "deviation=most / np.sqrt(12))", "deviation=0.0)"),
-        ("a measured force that is held", "if early is not None:", "if False:"),
+        "tests/test_findings.py -k 'measured or rows_late'",
+        ("an early force that tells a delay", "deviation=most / np.sqrt(12))", "deviation=0.0)"),
+        ("a measured force that is held", "if early is not None and", "if False and"),
+        ("rows of force logged late", "() if early is None else (rows", "() if True else (rows"),
     ),
     *_of(
         "identification/findings/forces.py",

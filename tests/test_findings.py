@@ -476,6 +476,19 @@ def test_a_force_that_was_measured_tells_mass_but_no_delay() -> None:
     assert "delay-unknown" not in warnings(held)
 
 
+@pytest.mark.parametrize("stated", [None, 0.0, STEP])
+def test_a_force_that_was_logged_rows_late_is_refused(stated: float | None) -> None:
+    known = Hardware() if stated is None else Hardware(delay=quantity(stated))
+    held, low_pass = late_by(STEP), np.repeat(1 / 8, 8)
+    rows = (replace(held, force=np.roll(held.force, late)) for late in (2, 6))
+    for log in (*rows, replace(held, force=np.convolve(held.force, low_pass)[: len(held)])):
+        with pytest.raises(LogRefusedError, match=r"before its row, .* damping comes out too high"):
+            identify(log, hardware=known)
+        allowed = identify(log, hardware=known, allow="delay-unknown").device
+        assert ("delay" in allowed.missing) == (stated is None)
+    assert "delay-unknown" not in refusals(held, known)
+
+
 @pytest.mark.parametrize(
     ("delay", "step"), thinned([(9.3e-3, 2e-4), (0.0072, 1e-3), (0.0035, 2e-3)], 1)
 )

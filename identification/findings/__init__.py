@@ -459,10 +459,10 @@ def _doubted_delay(
             severity="warning",
             seen=f"{seen}, the hardware states {stated.value * 1e3:.4g} ms",
             needed=f"the same within {WRONG_DELAY:g} samples ({WRONG_DELAY * step * 1e3:.4g} ms)",
-            remedy="Correct delay in the hardware file, or the alignment of the columns: force[k] "
-            "is what was sent at time[k]. If both are right, the device does what the model lacks, "
-            "as play or a lagging drive, and the mass may be off by more than its interval. Mass "
-            "and damping were told with the delay of the log.",
+            remedy="See that force[k] is what was sent at time[k], or shift the rows of force; "
+            "only then correct delay in the hardware file. If both are right, the device does what "
+            "the model lacks, as play or a lagging drive, and mass and damping may be off by more "
+            "than their intervals. Both were told with the delay of the log.",
         )
     elif width > _WIDEST_DELAY * step:
         yield Finding(

@@ -38,7 +38,13 @@ from identification.estimators.motion import distinguishable_terms
 from identification.findings import contradicts_delay, judge
 from identification.findings.force_balance import balance_of
 from identification.findings.forces import inertia_of
-from identification.fitting.early_force import acts_early, averaged, seems_measured
+from identification.fitting.early_force import (
+    ROWS,
+    acts_early,
+    averaged,
+    rows_early,
+    seems_measured,
+)
 from identification.fitting.log_fit import LogFit
 from identification.trajectory import NORMAL_95, FloatArray, Trajectory, encoder_count, most_excited
 
@@ -385,14 +391,15 @@ def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool
     part = most_excited(trajectory)
     prepared, structure = PreparedLog.of(part, distinguishable_terms(part), stated), ""
     early = acts_early(part, prepared.table, prepared.delay)
-    if early is not None:
+    most = longest_delay(trajectory.sample_time, len(trajectory))
+    untold = Delay(value=0.0, deviation=most / np.sqrt(12)) if stated is None else None
+    if early is not None and early.value < ROWS * trajectory.sample_time:
         at_once = hardware.model_copy(update={"delay": quantity(0.0)})
         again = _fit(averaged(trajectory), at_once, method, rigid=rigid)
-        most = longest_delay(trajectory.sample_time, len(trajectory))
         return replace(
             again,
             trajectory=trajectory,
-            delay=Delay(value=0.0, deviation=most / np.sqrt(12)) if stated is None else None,
+            delay=untold,
             findings=(*again.findings, seems_measured(trajectory, early)),
         )
     explained = noise_explains(prepared)
@@ -409,7 +416,7 @@ def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool
     # A lag looks like a delay that contradicts the one stated.
     late = stated is not None and prepared.stated is None
     seen = prepared.believing(stated) if late else prepared
-    asked = not rigid and plausible and (explained is None or late)
+    asked = not rigid and early is None and plausible and (explained is None or late)
     if asked and seen.table.is_loud(seen.delay) and seen.structured:
         from identification.fitting.dynamics import find_dynamics
 
@@ -426,15 +433,15 @@ def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool
             )
     chosen, reason = choose(prepared, method, explained)
     chosen = _drop_noise_terms(prepared, over_cut_offs(prepared, chosen))
-    beyond: tuple[Finding, ...] = ()
+    beyond: tuple[Finding, ...] = () if early is None else (rows_early(trajectory, early),)
     if curve is not None:
         from identification.fitting.friction_curve import unmodelled
 
         chosen = curve.carried_by(chosen)
-        beyond = (unmodelled(trajectory, curve, chosen.value("damping")),)
+        beyond += (unmodelled(trajectory, curve, chosen.value("damping")),)
     if len(part) < len(trajectory):
         reason += f"; from the {len(part)} samples that move most of {len(trajectory)}"
-    delay = prepared.found
+    delay = prepared.found if early is None else None
     if delay is not None and chosen.delay_deviation is not None:  # the chosen method knows it best
         delay = replace(delay, value=chosen.delay, deviation=chosen.delay_deviation)
     others = tuple(each for each in prepared.made.values() if each.method != chosen.method)
@@ -443,7 +450,7 @@ def _fit(trajectory: Trajectory, hardware: Hardware, method: str, *, rigid: bool
         fitted=len(part),
         estimate=chosen,
         others=others,
-        delay=delay,
+        delay=delay if early is None else untold,
         findings=judge(
             trajectory,
             regression,

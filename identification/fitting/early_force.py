@@ -1,7 +1,8 @@
-"""A force that a sensor measured at each row, where one that is held from its row is asked for.
+"""A force that acts before its row, as no delay does, where one held from its row is asked for.
 
-Taken as held it acts half a sample early, as no delay does; its mean over each sample is what to
-hold. What a sensor says tells neither the delay nor the lag of the actuator.
+One that a sensor measured at each row acts half a sample early; its mean over each sample is what
+to hold. What a sensor says tells neither the delay nor the lag of the actuator. One that was logged
+rows late, or behind a filter, acts earlier still, and its log tells too much damping.
 """
 
 from __future__ import annotations
@@ -10,16 +11,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.errors import Finding
-from identification.estimators.least_squares import Delay, Regression, prepare, shift_of_delay
+from identification.errors import Finding, refusal
+from identification.estimators.least_squares import (
+    Delay,
+    Regression,
+    find_delay,
+    longest_delay,
+    prepare,
+    shift_of_delay,
+)
 from identification.estimators.least_squares import point as least_squares
 from identification.trajectory import NORMAL_95, Trajectory
 
-#: It acts early by this many samples, and by so many deviations; ...
-_EARLY, _SURELY = (0.25, 0.75), 3.0
-#: ... its means leave at most this part of the mean square that it leaves, noise of position apart.
-#: Play, vibration and friction that seem early leave 0.85 or more.
-_LEFT = 0.6
+#: It acts early by this part of a sample, and by so many deviations; ...
+_EARLY, _SURELY = 0.25, 3.0
+#: ... from this part on by rows. ...
+ROWS = 0.75
+#: Its means, or the force moved by rows, leave at most this part of the mean square that it leaves,
+#: noise of position apart. Play, vibration and friction that seem early leave 0.85 or more; play
+#: that seems early by rows 0.56, rows that are late or filtered 0.3 or less.
+_LEFT, _LEFT_BY_ROWS = 0.6, 0.4
 
 
 def averaged(log: Trajectory) -> Trajectory:
@@ -29,22 +40,29 @@ def averaged(log: Trajectory) -> Trajectory:
 
 
 def acts_early(log: Trajectory, table: Regression, delay: float) -> Delay | None:
-    """How much a measured force acts before its row, s; None for one that is held."""
+    """How much a force acts before its row, s; None for one that is held from then on."""
     step = log.sample_time
     if delay >= step / 2:
         return None
     shift = shift_of_delay(table, delay)
     early = Delay(value=-(delay + shift.value), deviation=shift.deviation)
-    least = max(_EARLY[0] * step, _SURELY * early.deviation)
-    if not least < early.value < _EARLY[1] * step:
+    if early.value <= max(_EARLY * step, _SURELY * early.deviation):
         return None
-    means = prepare(averaged(log), table.model, step, refine=False).refined(0.0)
+    if early.value < ROWS * step:
+        other, late, most = prepare(averaged(log), table.model, step, refine=False), 0.0, _LEFT
+    else:
+        rows = round(longest_delay(step, len(log)) / step)
+        moved = replace(log.part(slice(None, -rows)), force=log.force[rows:])
+        other, most = prepare(moved, table.model, rows * step, refine=False), _LEFT_BY_ROWS
+        found = find_delay(moved, other)
+        late = found.value
+        early = replace(found, value=max(rows * step - late, ROWS * step))
     noise = table.noise_force(delay) ** 2
     left, before = (
-        float(np.mean(least_squares(each, late).residual ** 2)) - noise
-        for each, late in ((means, 0.0), (table, delay))
+        float(np.mean(least_squares(each, after).residual ** 2)) - noise
+        for each, after in ((other.refined(late), late), (table, delay))
     )
-    return early if left < _LEFT * before else None
+    return early if left < most * before else None
 
 
 def seems_measured(log: Trajectory, early: Delay) -> Finding:
@@ -59,4 +77,18 @@ def seems_measured(log: Trajectory, early: Delay) -> Finding:
         needed="a force that is held from its row to the next",
         remedy="Log the force that is commanded; where only a sensor knows it, give the mean of "
         "each row's force and the next one's, and state delay in the hardware file.",
+    )
+
+
+def rows_early(log: Trajectory, early: Delay) -> Finding:
+    """``delay-unknown``, a refusal: a force logged late tells too much damping."""
+    return refusal(
+        "delay-unknown",
+        seen=f"the force of {log.source} acts {early.value * 1e3:.3g} ± "
+        f"{NORMAL_95 * early.deviation * 1e3:.2g} ms before its row, "
+        f"{early.value / log.sample_time:.2g} × the sample time, as no delay does: it was logged "
+        "late or behind a filter, and damping comes out too high",
+        needed="a force that acts from its row on: force[k] is what was sent at time[k]",
+        remedy="Shift the rows of force back by that and by the delay of the device, or log the "
+        "force that is commanded, not one measured through a filter.",
     )

@@ -143,6 +143,10 @@ def identify(
     if several:
         from identification.fitting.several_axes import fit_axes
 
+        several = tuple(
+            replace(log, axes=tuple(_moving(axis, several, hardware) for axis in log.axes))
+            for log in several
+        )
         found = fit_axes(several, hardware, method, allow)
         device = _stored(several, lambda: found.device(hardware))
         return Identification(device=device, logs=found.logs, findings=found.findings)
@@ -262,7 +266,9 @@ def _stored(
         ) from None
 
 
-def _moving(log: Trajectory, logs: Sequence[Trajectory], hardware: Hardware) -> Trajectory:
+def _moving(
+    log: Trajectory, logs: Sequence[Trajectory] | Sequence[Trajectories], hardware: Hardware
+) -> Trajectory:
     """The log with the motion that the hardware, or else another of the logs, states."""
     stated = [hardware.motion, *(each.motion for each in logs)]
     motion = next((each for each in stated if each is not None), None)

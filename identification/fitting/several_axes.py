@@ -106,7 +106,7 @@ class AxesFit:
         poses = tuple(_pose(joint.estimate) for joint in self.poses)
         by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
         return Device(
-            **facts.of_device(hardware, first.motion or hardware.motion),
+            **facts.of_device(hardware, first.motion),
             axis=first.axis,
             axes=first.names,
             poses=poses,

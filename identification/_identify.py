@@ -242,6 +242,8 @@ def _check_request(
         if seen and known is not None and known != seen[0]:
             problem = f"the logs are of {seen[0]}, the hardware of {known}"
             remedy = f"Give the logs and the hardware of one {name}"
+            if "," in seen[0] and "," not in known:
+                remedy = f"State axes: [{seen[0]}] in the hardware file, or name columns of one"
             raise UsageError(f"--{name}", problem, remedy)
 
 

@@ -155,6 +155,7 @@ def test_two_columns_with_the_hardware_of_one_axis_are_refused() -> None:
     code, said = identified("--position-gain", ",0.001")
     assert code == 2
     assert "the logs are of x,y, the hardware of y" in said
+    assert "State axes: [x,y] in the hardware file" in said
 
 
 @pytest.mark.usefixtures("here")

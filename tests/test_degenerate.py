@@ -52,6 +52,20 @@ def test_a_damper_of_its_own_does_not_help_where_damping_may_be_negative() -> No
     _refused(ended, 5, "not positive", "add damping")
 
 
+# The modes of a loop may be all but one.
+
+
+def test_modes_of_a_fast_observer_leave_the_jitter_that_check_computes_too() -> None:
+    """Of condition 1e10: their products lost poles that are 3e-4 within the circle."""
+    facts = {"mass": (0.25, 0.22, 0.28), "damping": (0.8, 0.5, 1.2)}
+    times = {"sample_time": (5e-4, 4.9e-4, 5.2e-4), "delay": (1.25e-3, 1e-3, 1.5e-3)}
+    light = {name: quantity(*values) for name, values in (facts | times).items()}
+    loop = "loop: {acceleration_filter: tracking, acceleration_filter_hz: 43.55}\n"
+    scene = "margin: firm\nelements: {wheel: {mass: 0.13}}\n" + loop
+    assert _tuned(_device(**light), scene).code == 0
+    assert haptune("check", "profile.yaml").code == 0
+
+
 # The device is known exactly.
 
 

@@ -308,8 +308,10 @@ def jitter_failures(design: Design, name: str) -> Iterator[str]:
 
 def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: float) -> float:
     transitions = _transitions(region, setting, values, 1 + jitter * np.array(_LENGTHS))
-    poles, modes = np.linalg.eig(transitions[_LENGTHS.index(0.0)])
-    seen = np.linalg.inv(modes) @ transitions @ modes
+    even = transitions[_LENGTHS.index(0.0)]
+    poles, modes = np.linalg.eig(even)
+    # An even step is its poles; products with modes that are all but one would lose them.
+    seen = np.diag(poles) + np.linalg.inv(modes) @ (transitions - even) @ modes
     if not setting.stiffness and not region.grounded:
         free = int(np.argmin(np.abs(poles - 1)))
         seen = np.delete(np.delete(seen, free, axis=1), free, axis=2)

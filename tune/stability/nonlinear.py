@@ -363,9 +363,10 @@ def _growth(
     transitions = SampledLoop.of(place, filters, values, lengths=lengths).pushed
     if not np.isfinite(transitions).all():
         return np.inf
-    poles, modes = np.linalg.eig(transitions[len(lengths) // 2])
-    try:
-        seen = np.linalg.solve(modes, transitions @ modes)
+    even = transitions[len(lengths) // 2]
+    poles, modes = np.linalg.eig(even)
+    try:  # in its modes an even step is its poles, with no rounding
+        seen = np.diag(poles) + np.linalg.solve(modes, np.subtract(transitions, even) @ modes)
     except np.linalg.LinAlgError:
         return np.inf
     if values[0] == 0 and place.position_stiffness == 0:

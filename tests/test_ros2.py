@@ -245,6 +245,8 @@ def test_the_node_plays_the_law_by_the_stamps_of_its_messages(
             return {"wall": (0.0 if node.law.missed < 2 else 1e-3, -1)} | rubber
 
     node, alone = Played(), law.Law(given)
+    with pytest.raises(ValueError, match="full names"):
+        law.Law({"digest": given["digest"], "force_limit": {"peak": given["force_limit.peak"]}})
     assert node.name == "haptune_x"
     periods = [*range(20), *range(21, 40), *range(50, 80), *range(81, 300)]
     wanted: list[float] = []

@@ -235,8 +235,12 @@ class Elements:
     def __init__(self, parameters: Mapping[str, Any], axes: int = 1) -> None:
         """Take the parameters by their full names, such as "elements.wall.stiffness".
 
-        Raises ValueError for those of another profile.
+        Raises ValueError for those of another profile, and for nested ones.
         """
+        if "force_limit.peak" not in parameters:
+            raise ValueError(
+                'parameters have no "force_limit.peak": give all by full names, none nested'
+            )
         told = parameters.get("digest")
         if told != PROFILE:
             raise ValueError(

@@ -88,7 +88,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/optimisation/solve.py",
         "tests/test_clamps.py -k next_to_nothing",
-        ("a wall that is next to nothing", "sizes, alone) > MOST_LOST", "sizes, alone) > 1e9"),
+        ("a wall that is next to nothing", "sizes, most) > MOST_LOST", "sizes, most) > 1e9"),
     ),
     *_of(
         "tune/optimisation/problem.py",

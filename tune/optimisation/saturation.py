@@ -564,10 +564,10 @@ def step_back(
     return sizes, found, tightest
 
 
-def steps_lost(problem: Problem, sizes: FloatArray, alone: Mapping[str, float]) -> float:
-    """Most steps that a spring is below what it has alone, if that is known."""
+def steps_lost(problem: Problem, sizes: FloatArray, most: Mapping[str, float]) -> float:
+    """Most steps that an effect is below the most that it may have, by label, if that is known."""
     both = [(u, u.steps(size)) for u, size in zip(problem.unknowns, sizes.tolist(), strict=True)]
-    return max((u.steps(alone[u.label]) - n for u, n in both if u.label in alone), default=0.0)
+    return max((u.steps(most[u.label]) - n for u, n in both if u.label in most), default=0.0)
 
 
 def soften(

@@ -188,7 +188,10 @@ def _solved(
         short = gain < problem.proved_gain
         if settled:
             alone = _springs_alone(task, elements, filters, cut)
-        if short or steps_lost(problem, sizes, alone) > MOST_LOST:
+        # Of springs what they have alone, of dampers what linear limits leave them.
+        pairs = zip(problem.unknowns, linear.tolist(), strict=True)
+        most = alone | {u.label: size for u, size in pairs if u.effect == "damping"}
+        if short or steps_lost(problem, sizes, most) > MOST_LOST:
             soft = soften(problem, linear, alone, tuned, dropped)
             clash = _pair(task, elements, tightest) if soft is None else None
             # Beside one that is proved, though soft, room is left once.

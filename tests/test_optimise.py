@@ -137,6 +137,13 @@ def test_two_effects_at_once_name_the_limit_that_binds_them(
     assert (more > 1.05) if grows else more == pytest.approx(1, abs=1e-4)
 
 
+def test_a_stated_damper_of_less_than_a_step_is_kept_for_the_spring_that_it_holds() -> None:
+    wanted = Scene.model_validate({"elements": {"it": {"stiffness": 150.0, "damping": 0.5}}})
+    held = optimise(load_device("stylus"), wanted).elements["it"]
+    assert (held.stiffness, held.damping) == (150.0, 0.5)
+    assert 0.99 < held.perceived_steps["damping"] < 1
+
+
 def test_what_no_hand_could_tell_is_played_once_the_encoder_is_finer() -> None:
     """A coarse encoder leaves less than a step of mass, and all of the ripple to the damper."""
     scene = _scene({"it": {"damping": "max", "mass": "max"}}, loop=PAIR)

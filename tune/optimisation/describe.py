@@ -498,7 +498,8 @@ def notes_of_unmet(
     tightest = {label: solved.tightest for solved in solutions for label in solved.alone}
     for name, element in elements.items():
         played: dict[EffectName, float] = {each: getattr(element, each) for each in EFFECT_NAMES}
-        for effect, wish in task.scene.elements[name].wishes().items():
+        wishes = task.scene.elements[name].wishes()
+        for effect, wish in wishes.items():
             size, asked = played[effect], wish.high or 0.0
             if not size:
                 continue
@@ -519,12 +520,12 @@ def notes_of_unmet(
                 continue
             if why == "rendering":
                 felt = _felt_instead(task, filters, name, effect, played)
-            less = _at_most(most, size)
+            less, damped = _at_most(most, size), effect == "stiffness" and why in _HELD
             remedy = f"Ask {less}" + f", or for {_DAMPED}" * undamped
             yield (
                 f"{note_of_unmet(about)}{format_number(asked)} {units[effect]} is "
                 f"asked for, {most} is played, limited by {why}{felt}. "
-                + (_remedy(task.scene.elements[name].wishes(), effect, less) if felt else remedy)
+                + (_remedy(wishes, effect, less) if felt or damped > undamped else remedy)
             )
 
 

@@ -599,7 +599,8 @@ def imperceptible(unknown: Unknown, size: float, word: LimitedBy) -> str:
     step = float(unknown.size_at(1.0))
     digit = 10.0 ** (np.floor(np.log10(step)) - 2)
     step = round_to_digits(float(np.floor(step / digit + 1)) * digit, 3)
+    steps = min(unknown.steps(size), 0.9999)
     return (
-        f"{unknown.sign * size:.4g} would be {unknown.steps(size):.2g} {TOO_LITTLE}, "
+        f"{unknown.sign * size:.4g} would be {steps:.{2 + 2 * (steps > 0.99)}g} {TOO_LITTLE}, "
         f"which is {unknown.sign * step:.4g}, limited by {word}"
     )

@@ -425,6 +425,8 @@ class _Asking:
             most = min(lowest / self.gain, (1 - _REMAINS) * min(bare, scale.reference))
             high = most if wish.high is None else min(high, most)
         least = abs(scale.value_at(_LEAST, wish.sign))
+        if effect == "damping" and wish.kind == "value" and wish.sign > 0 and given.stiffness:
+            least = min(least, high)  # it holds its spring, whether it is felt or not
         if not self.felt:
             least = min(_NOTHING * bare, high)
         starts = wish.low if wish.kind == "range" and wish.low else 0.0

@@ -967,6 +967,11 @@ FAULTS: tuple[Fault, ...] = (
         ("a mode whose damping is told", "if ringing or NORMAL_95**2", "if 0 * NORMAL_95**2"),
     ),
     *_of(
+        "identification/fitting/dynamics.py",
+        "tests/test_dynamics.py -k depends_on_position",
+        ("the speed that turns with a mass by position", "np.gradient(smooth) / 2", "0 * smooth"),
+    ),
+    *_of(
         "identification/device/hardware.py",
         "tests/test_dynamics.py -k stated_mode",
         ("a mode of the log beside those stated", "held.append(seen)", "pass"),
@@ -988,7 +993,7 @@ FAULTS: tuple[Fault, ...] = (
         "identification/fitting/dynamics.py",
         "tests/test_dynamics.py -k behind_a_spring",
         ("an encoder that a spring parts from the drive", ' or told.needed != ""', ""),
-        ("friction that passes the spring", "driven(against) * moving", "driven(0 * against)"),
+        ("friction that passes the spring", "driven(against))\n", "driven(0 * against))\n"),
     ),
     # Elements that are alike: one stands for all.
     *_of(

@@ -3,6 +3,7 @@
 import re
 from functools import cache
 from itertools import accumulate
+from math import cos, sin
 from typing import Any
 
 import numpy as np
@@ -205,3 +206,30 @@ def test_friction_by_load_is_not_taken_for_inertia() -> None:
     found = found_in("load-friction", "plain")
     assert "load-friction" in codes_of(found)
     assert abs(found.device.mass.value - 3.0) < 0.02
+
+
+@pytest.mark.parametrize("part", [0.03, 0.3])
+def test_a_mass_that_depends_on_position_is_told_and_all_of_it_carried(part: float) -> None:
+    """A linkage of 3·(1 + part·sin 15x) kg and 10 N·s/m, in steps of 0.05 ms."""
+    generator, fine, place, speed = np.random.default_rng(4), 5e-5, 0.0, 0.0
+    held = generator.integers(40, 200, 60)
+    plan = np.repeat(12 * generator.uniform(-1, 1, held.size), held)[:5000]
+    rows: list[tuple[float, float]] = []
+    for level in plan.tolist():
+        rows.append((level - 60 * place, place))
+        for _ in range(20):
+            mass, slope = 3 * (1 + part * sin(15 * place)), 45 * part * cos(15 * place)
+            speed += fine * (rows[-1][0] - 10 * speed - slope * speed**2 / 2) / mass
+            place += fine * speed
+    force, course = np.array(rows).T
+    masses = 3 * (1 + part * np.sin(15 * course))
+    time = 1e-3 * np.arange(plan.size, dtype=np.float64)
+    log = Trajectory(time=time, force=force, position=counted(course, 6e-6))
+    found = identify(log, hardware=Hardware.model_validate({"motion": "linear", "delay": 0.0}))
+    assert codes_of(found) - {"not-stated"} == {"unmodelled-force"}
+    assert "a mass that depends on position" in found.findings[0].seen
+    low, high = found.device.simultaneous_box().mass
+    assert low < masses.min() < masses.max() < high
+    assert found.device.mass.low == pytest.approx(masses.min(), rel=0.02)
+    assert found.device.mass.high == pytest.approx(masses.max(), rel=0.02)
+    assert found.device.damping.value == pytest.approx(10.0, rel=0.02)

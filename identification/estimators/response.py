@@ -22,6 +22,7 @@ from identification.trajectory import ComplexArray, FloatArray
 _BANDS, _LINES, _HIGHEST = 25, 6, 0.25
 #: Lines of a tapered transform are correlated with their neighbours; so many of them count.
 _INDEPENDENT = 0.5
+_COHERENT = 0.8  # coherence of the bands that are named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,4 +73,22 @@ def response_of(table: Regression, values: FloatArray, delay: float) -> Response
         force=np.sqrt(driven),
         coherence=coherence,
         half_width=1.96 * np.sqrt(chance),
+    )
+
+
+def departure_of(table: Regression, delay: float) -> str:
+    """Where most of the motion of a log is not that of its rigid response, in words."""
+    values = table.solve(delay)
+    found = response_of(table, values, delay)
+    apart = found.gain / found.rigid(values) - 1
+    told = (found.coherence >= _COHERENT) & (np.abs(apart) > found.half_width)
+    told &= found.frequency <= table.cut_off.frequency
+    worst = int(np.argmax(np.where(told, np.abs(found.gain * apart) * found.force, 0.0)))
+    if not told[worst]:
+        return ""
+    turned = float(np.degrees(np.angle(1 + apart[worst])))
+    return (
+        f". At {found.frequency[worst]:.3g} Hz force accelerates it {np.abs(1 + apart[worst]):.2f} "
+        f"times as much as a rigid device, {abs(turned):.0f}° {'late' if turned < 0 else 'early'} "
+        f"(coherence {found.coherence[worst]:.2f})"
     )

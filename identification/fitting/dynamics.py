@@ -1,4 +1,4 @@
-"""Dynamics that a rigid device lacks: a lagging drive, vibration, play, friction by load.
+"""Dynamics of no rigid device: a lag, vibration, play, friction by load, mass by position.
 
 Each kind is put to the regression of a log, its parameters found by variable projection. It is
 found if it takes most of the residual away, more than a delay, a simpler kind or laws of friction
@@ -26,11 +26,9 @@ from identification.trajectory import NORMAL_95, FloatArray, Trajectory, excited
 
 #: Rows looked at; more add time, not truth.
 _LONGEST = 1 << 15
-#: A kind leaves at most this part of the mean square of the residual that is not noise, play, whose
-#: impacts no model follows, the second, a spring before the encoder, where drives stick, the third
-#: (devices without one leave 0.64 or more); at most the next parts of what a delay and a simpler
-#: kind leave. A search begins if the best of a scan takes at least the last part away.
-_LEFT, _BY_PLAY, _BY_SPRING, _THAN_DELAY, _BETTER, _HINT = 0.4, 0.7, 0.6, 0.9, 0.7, 0.1
+#: A kind leaves at most this part of the mean square of the residual that is not noise, the next of
+#: what a delay and a simpler kind leave. The best of a scan takes at least the last part away.
+_LEFT, _THAN_DELAY, _BETTER, _HINT = 0.4, 0.9, 0.7, 0.1
 #: Play is looked for where so much of the force is left, rms; what is left of it beyond the next
 #: part bounds nothing of what else is there, beside the impacts of play the last.
 _FOR_PLAY, _MOST, _MOST_BY_PLAY = 0.012, 0.15, 0.3
@@ -44,10 +42,11 @@ _PERIODS, _ABOVE, _FAR_ABOVE, _DAMPED, _TRIED = 8.0, 2.5, 5.0, (2e-3, 0.3), (0.0
 _FINER = 3.0
 _GAPS = (1e-3, 0.1)
 _COASTS = ((0.0, 0.0), (0.0, 0.4), (0.0, 0.7), (10.0, 0.0), (10.0, 0.5), (np.inf, 0.0))
+#: Powers of position that a mass may depend on, over the travel, and where their weights stand.
+_ALONG, _OWN = np.linspace(-1, 1, 21) ** np.arange(4)[:, None], [0, -3, -2, -1]
 _SCAN = 9  # values of a parameter in a scan; of a resonance, which is sharp, three times as many
 _NUDGE = 1e-3  # step of numerical derivatives, of logarithms and samples
 _DAMPED_ALIKE = 2.0  # a stated mode agrees with one found within this factor of its damping ratio
-_COHERENT = 0.8  # coherence of the bands that a finding names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +57,7 @@ class _Told:
     remedy: str
     current_lag: Quantity | None = None
     mode: Mode | None = None
-    near_mass: float | None = None
+    masses: tuple[float, float] | None = None
     code: str = ""  # of the finding, if it is not that of the kind
     needed: str = ""  # where the device is refused however well the kind explains the log
 
@@ -104,6 +103,10 @@ class _Kind:
     def delay_of(self, theta: FloatArray) -> float:
         late = self.given if self.given is not None else float(theta[-1]) * self.step
         return min(max(late, 0.0), self.table.known * self.step)
+
+    def held(self, force: FloatArray) -> FloatArray:
+        """Filtered rows of a force of each interval, nothing where the device stands."""
+        return self.table.filtered(HeldColumn.constant(force * self.table.motion.moving, self.step))
 
     def _swinging(self, above: float) -> tuple[tuple[float, float], ...]:
         """Logs of the bounds of a resonance and of its damping ratio."""
@@ -236,10 +239,8 @@ class _Elastic(_Lag):
             return columns, force
         moving = self.table.motion.moving
         against = self.table.motion.direction.mean() * moving
-        passed = HeldColumn.constant(
-            Spring.of(theta, self.step).driven(against) * moving, self.step
-        )
-        return np.vstack((columns, self.table.filtered(passed))), force
+        passed = self.held(Spring.of(theta, self.step).driven(against))
+        return np.vstack((columns, passed)), force
 
     def _lagged(self, force: FloatArray, theta: FloatArray) -> FloatArray:
         return Spring.of(theta, self.step).driven(force)
@@ -270,8 +271,7 @@ class _Load(_Kind):
     def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         delay, motion = self.delay_of(theta), self.table.motion
         against = np.abs(self.table.held_force(delay).mean()) * motion.direction.mean()
-        held = HeldColumn.constant(against * motion.moving, self.step)
-        return np.vstack((self.table.columns, self.table.filtered(held))), self.table.force(delay)
+        return np.vstack((self.table.columns, self.held(against))), self.table.force(delay)
 
     def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
         direction = table.motion.direction.mean() * table.motion.moving
@@ -290,7 +290,7 @@ class _Load(_Kind):
 
 
 class _Beside(_Kind):
-    """A second mass whose motion follows from the measured one; its weight stands after the p."""
+    """What follows from the measured motion, as that of a second mass; its weights follow the p."""
 
     __slots__ = ()
 
@@ -322,10 +322,55 @@ class _Beside(_Kind):
 
     def corrected(self, log: Trajectory, found: Solution, table: Regression) -> FloatArray:
         del table
-        bend = np.pad(np.diff(self.apart(found, log.position), 2) / self.step**2, 1)
-        pull = float(found.weights[len(self.table.columns)]) * bend
         late = self.delay_of(found.theta) + self.step / 2
-        return log.force - np.interp(log.time + late, log.time, pull)
+        return log.force - np.interp(log.time + late, log.time, self.pull(found, log.position))
+
+    def pull(self, found: Solution, position: FloatArray) -> FloatArray:
+        """Force of the model beside that of a rigid device, N, at each sample."""
+        bend = np.pad(np.diff(self.apart(found, position), 2) / self.step**2, 1)
+        return float(found.weights[len(self.table.columns)]) * bend
+
+
+class _Uneven(_Beside):
+    """Mass by position, Σ w·φ(q): each φ takes the force φ·q̈ + φ'·q̇²/2 (Lagrange)."""
+
+    __slots__ = ()
+    code = "unmodelled-force"
+
+    def start(self) -> FloatArray | None:
+        pulls = self._pulls(self.table.signals.position)
+        self.scanned[:] = [self.held((each[1:] + each[:-1]) / 2) for each in pulls]
+        return np.empty(0)
+
+    def is_physical(self, found: Solution) -> bool:
+        return bool(np.all(found.weights[_OWN] @ _ALONG > 0))
+
+    def at(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return self.beside(theta, *self.scanned)
+
+    def _pulls(self, position: FloatArray) -> FloatArray:
+        seen = self.table.signals.position
+        smooth = LowPass.at(_FINER * self.table.cut_off.frequency, self.step).continued(position)
+        place = (smooth - (seen.max() + seen.min()) / 2) / (np.ptp(seen) / 2)
+        shapes = place ** np.arange(1, len(_ALONG))[:, None]
+        turned = np.gradient(shapes, axis=1) * np.gradient(smooth) / 2
+        return (shapes * np.pad(np.diff(smooth, 2), 1) + turned) / self.step**2
+
+    def pull(self, found: Solution, position: FloatArray) -> FloatArray:
+        return found.weights[_OWN[1:]] @ self._pulls(position)
+
+    def told(self, found: Solution, around: FloatArray) -> _Told:
+        masses, own = found.weights[_OWN] @ _ALONG, np.arange(len(found.weights))[_OWN]
+        doubt = around[np.ix_(own, own)]
+        ratio = np.exp(NORMAL_95 * np.sqrt(np.sum(_ALONG * (doubt @ _ALONG), axis=0)) / masses)
+        low, high = float(np.min(masses / ratio)), float(np.max(masses * ratio))
+        return _Told(
+            seen=f"a mass that depends on position, as of a linkage: {low:.4g} to {high:.4g} over "
+            "the travel logged",
+            remedy="The interval of the mass holds all of it. A log of the positions of use alone "
+            "gives a narrower one.",
+            masses=(low, high),
+        )
 
 
 class _Resonance(_Beside):
@@ -447,8 +492,13 @@ class _Play(_Beside):
             seen=f"play of about {gap:.2g} before {second / mass:.0%} of the mass, {mass:.4g}",
             remedy="Take the play out of the gear, belt or coupling. In the gap the actuator moves "
             f"{mass - second:.3g} alone: the interval of the mass goes from there to all of it.",
-            near_mass=mass - second,
+            masses=(mass - second, mass),
         )
+
+
+#: Other parts than _LEFT: no model follows impacts of play, drives before a spring stick (devices
+#: without one leave 0.64 or more), mass by position leaves 0.03, a force that saturates 0.22.
+_OTHER: dict[type[_Kind], float] = {_Play: 0.7, _Elastic: 0.6, _Uneven: 0.15}
 
 
 def find_dynamics(
@@ -473,7 +523,7 @@ def find_dynamics(
     given = None if hardware.delay is None else late
     best: tuple[_Kind, Solution] | None = None
     cost = before
-    for make in (_Kind, _Lag, _Load, _Elastic, _Resonance, _Play):
+    for make in (_Kind, _Lag, _Load, _Uneven, _Elastic, _Resonance, _Play):
         lowest = _FOR_PLAY if make is _Play else LEAST  # play takes longest to look for
         quiet = cost < max(lowest**2 * power, LOUD * noise) and make is not _Lag
         known = (
@@ -483,8 +533,7 @@ def find_dynamics(
             continue
         kind = make(table, residual, None if make is _Kind else given, late)
         found = kind.fitted()
-        part = _BY_PLAY if make is _Play else _BY_SPRING if make is _Elastic else _LEFT
-        most = noise + part * (before - noise)
+        most = noise + _OTHER.get(make, _LEFT) * (before - noise)
         better = 1.0 if best is None else _THAN_DELAY if best[0].code == "" else _BETTER
         if found is not None and found.cost < min(most, better * cost):
             best, cost = (kind, found), found.cost
@@ -514,6 +563,8 @@ def _described(
     share: float,
     hardware: Hardware,
 ) -> Dynamics:
+    from identification.estimators.response import departure_of
+
     count = len(kind.table.columns)
     jacobian = np.concatenate((found.columns, found.slopes))
     around = spread(jacobian, found.residual, len(jacobian), signal=found.target).covariance
@@ -526,7 +577,7 @@ def _described(
         code=told.code or kind.code,
         severity="refusal" if refused else "warning",
         seen=f"{log.source} shows {told.seen}; with it {left:.0%} is left of the mean square that "
-        f"mass, damping and friction miss of the force{_departure(kind)}",
+        f"mass, damping and friction miss of the force{departure_of(kind.table, kind.late)}",
         needed=told.needed or f"at most {most:.0%} of the force explained by neither"
         if refused
         else "a device that moves as one mass, driven by the force as commanded",
@@ -540,27 +591,7 @@ def _described(
         findings=(named,) if refused or not _is_stated(told, hardware) else (),
         current_lag=told.current_lag,
         mode=told.mode,
-        near_mass=told.near_mass,
-    )
-
-
-def _departure(kind: _Kind) -> str:
-    """Where most of the motion is not that of the rigid response, in words."""
-    from identification.estimators.response import response_of
-
-    values = kind.table.solve(kind.late)
-    found = response_of(kind.table, values, kind.late)
-    apart = found.gain / found.rigid(values) - 1
-    told = (found.coherence >= _COHERENT) & (np.abs(apart) > found.half_width)
-    told &= found.frequency <= kind.table.cut_off.frequency
-    worst = int(np.argmax(np.where(told, np.abs(found.gain * apart) * found.force, 0.0)))
-    if not told[worst]:
-        return ""
-    turned = float(np.degrees(np.angle(1 + apart[worst])))
-    return (
-        f". At {found.frequency[worst]:.3g} Hz force accelerates it {np.abs(1 + apart[worst]):.2f} "
-        f"times as much as a rigid device, {abs(turned):.0f}° {'late' if turned < 0 else 'early'} "
-        f"(coherence {found.coherence[worst]:.2f})"
+        masses=told.masses,
     )
 
 

@@ -164,12 +164,14 @@ class _Forces:
         return np.column_stack((np.full(len(held), 2 / travel), held * springs))
 
     def rigid(self, delay: float) -> Iterator[list[FloatArray]]:
-        """Columns that resemble what a lag, friction by load and a mass behind play leave."""
+        """Columns that resemble what a lag, load, play and a mass by position leave."""
         force = self.thin(self.table.held_force(delay).mean())
-        slope, bend = np.gradient(force), np.gradient(self.thin(self._speed))
+        speed, place = self.thin(self._speed), self.thin(self._place)
+        slope, bend = np.gradient(force), np.gradient(speed)
         yield [slope, np.gradient(slope)]
         yield [np.abs(force) * self.sense]
         yield [bend * (1 - np.abs(stop)) for stop in self.stops]
+        yield [each * bend + np.gradient(each) * speed / 2 for each in (place, place**2)]
 
     def thin(self, held: FloatArray) -> FloatArray:
         """Means over as many intervals as are taken as one."""

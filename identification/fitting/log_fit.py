@@ -29,7 +29,7 @@ class Dynamics:
     findings: tuple[Finding, ...]  # none where the hardware states it
     current_lag: Quantity | None  # s
     mode: Mode | None
-    near_mass: float | None  # kg (kg·m²) that moves alone while the gap is open
+    masses: tuple[float, float] | None  # kg (kg·m²), least and largest that a loop feels
 
     def response(self, rigid: ComplexArray, mass: float, frequency: FloatArray) -> ComplexArray:
         """Acceleration per force with the lag or the mode beside the rigid one, (bands,)."""
@@ -48,10 +48,10 @@ class Dynamics:
         count = min(len(covariance), len(self.doubt))
         covariance[:count, :count] += self.doubt[:count, :count]
         covariance[:2, :2] += np.diag((self.left * (values[:2] - before.values[:2])) ** 2)
-        if self.near_mass is not None and values[0] > self.near_mass:
-            # What a loop feels lies between the mass before the gap and all of it.
-            half = 0.5 * np.log(values[0] / self.near_mass)
-            values[0] *= np.exp(-half)
+        if self.masses is not None:
+            low, high = self.masses
+            half = 0.5 * np.log(high / low)
+            values[0] = np.sqrt(low * high)
             covariance[0, 0] += (values[0] * half / NORMAL_95) ** 2
             # Impacts take energy, as damping does.
             covariance[1, 1] += (values[1] * self.share / NORMAL_95) ** 2

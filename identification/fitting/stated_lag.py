@@ -93,5 +93,5 @@ def _with(dynamics: Dynamics | None, log: Trajectory, lag: Quantity) -> Dynamics
         current_lag=lag,
         findings=(),
         mode=None,
-        near_mass=None,
+        masses=None,
     )

@@ -3,7 +3,7 @@
 import re
 from functools import cache
 from itertools import accumulate
-from math import cos, sin
+from math import cos, sin, tanh
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from identification import (
     Hardware,
     Identification,
     LogRefusedError,
+    Trajectories,
     Trajectory,
     identified_picture,
     identify,
@@ -233,3 +234,38 @@ def test_a_mass_that_depends_on_position_is_told_and_all_of_it_carried(part: flo
     assert found.device.mass.low == pytest.approx(masses.min(), rel=0.02)
     assert found.device.mass.high == pytest.approx(masses.max(), rel=0.02)
     assert found.device.damping.value == pytest.approx(10.0, rel=0.02)
+
+
+def test_an_arm_is_told_by_its_mass_and_not_taken_for_friction_or_a_spring() -> None:
+    """A rigid arm of two links with friction in its joints, in steps of 0.1 ms."""
+    rng, fine = np.random.default_rng(0), 1e-4
+    time = 1e-3 * np.arange(6000, dtype=np.float64)
+    lines = np.geomspace(0.3, 8.0, 20).reshape(10, 2)
+    turns = 2 * np.pi * lines * time[:, None, None] + rng.uniform(0, 2 * np.pi, lines.shape)
+    plan = np.sin(turns).sum(axis=1)
+    x = y = u = w = 0.0
+    rows: list[tuple[float, ...]] = []
+    for first, second in (plan * (2.0, 0.625) / np.abs(plan).max(axis=0)).tolist():
+        rows.append((first - 1.1 * x, second - 0.2 * y, x, y))
+        for _ in range(10):
+            cosine, sine = 0.045 * cos(1.2 + y), 0.045 * sin(1.2 + y)
+            own, both = 0.176 + 2 * cosine, 0.0325 + cosine
+            one = rows[-1][0] + sine * (2 * u + w) * w - 0.3 * u - 0.04 * tanh(1e3 * u)
+            other = rows[-1][1] - sine * u * u - 0.3 * w - 0.04 * tanh(1e3 * w)
+            part = fine / (own * 0.0325 - both**2)
+            u += part * (0.0325 * one - both * other)
+            w += part * (own * other - both * one)
+            x, y = x + fine * u, y + fine * w
+    force, place = np.split(np.array(rows), 2, axis=1)
+    axes = tuple(
+        Trajectory(time=time, force=pull, position=counted(seen, 1e-5), axis=axis, motion="rotary")
+        for axis, pull, seen in zip("xy", force.T, place.T, strict=True)
+    )
+    hardware = Hardware.model_validate({"motion": "rotary", "axes": ["x", "y"], "delay": 0.0})
+    found = identify(Trajectories(axes=axes), hardware=hardware)
+    (told,) = [each for each in found.findings if each.code != "not-stated"]
+    range_seen = re.search(r"as of an arm: that of x goes from ([\d.]+) to ([\d.]+)", told.seen)
+    assert range_seen is not None
+    masses = 0.176 + 0.09 * np.cos(1.2 + place[:, 1])
+    assert float(range_seen[1]) == pytest.approx(masses.min(), rel=0.05)
+    assert float(range_seen[2]) == pytest.approx(masses.max(), rel=0.05)

@@ -110,6 +110,14 @@ class JointPart:
         columns = [table.filtered(sense.times(table.motion.moving)) for table in self.tables]
         return np.stack(columns, axis=1) * direction
 
+    def filtered(self, forces: Sequence[FloatArray]) -> FloatArray:
+        """Filtered rows of the forces of all axes in each interval, shape (rows, axes)."""
+        columns = [
+            table.filtered(HeldColumn.constant(force * table.motion.moving, self.steps))
+            for table, force in zip(self.tables, forces, strict=True)
+        ]
+        return np.stack(columns, axis=1)
+
     def held(self) -> JointPart:
         """With standstill of the axes that stand, whatever the forces."""
         tables = (

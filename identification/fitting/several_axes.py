@@ -37,6 +37,7 @@ from identification.estimators.least_squares import find_delay, longest_delay, p
 from identification.estimators.motion import distinguishable_terms
 from identification.estimators.reciprocity import UnequalCoupling, unequal_couplings
 from identification.estimators.turned_friction import TurnedFriction, turned_friction
+from identification.estimators.uneven_mass import uneven_mass
 from identification.findings import inspect
 from identification.findings.forces import POSITION_REMEDY
 from identification.fitting import LogFit, explained_by_noise, fit_log, suggested_by
@@ -86,6 +87,9 @@ class _JointFit:
     apart: float  # least eigenvalue of the correlations of the accelerations
     unequal: tuple[UnequalCoupling, ...]  # contradictions between the rows of two axes
     turned: TurnedFriction | None  # friction along directions that are no axis
+    #: least and largest mass of each axis that depends on position, (2, axes), where an axis
+    #: alone shows what that may be
+    uneven: FloatArray | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +153,12 @@ def fit_axes(
         )
         + tuple(
             each.of(_sources(joint.logs))
-            for each in (*_not_told_apart(joint), *_turned(joint), *_unequal(joint))
+            for each in (
+                *_not_told_apart(joint),
+                *_uneven(joint),
+                *_turned(joint),
+                *_unequal(joint),
+            )
         )
         for found, joint in zip(noticed, fits, strict=True)
     ]
@@ -228,6 +237,8 @@ def _of_axis(finding: Finding, axes: Sequence[str], place: int, source: str) -> 
 def _of_alone(joint: _JointFit, place: int) -> Iterator[Finding]:
     """Findings of an axis alone; ``gravity`` is a refusal, for the matrices have no term for it."""
     fit, axis = joint.alone[place], joint.logs[0].names[place]
+    if joint.uneven is not None:  # each axis alone takes it for something else
+        return
     if fit.estimate.model.gravity == "none":
         yield from fit.findings
         return
@@ -308,6 +319,7 @@ def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware, method: Method) 
         raise LogRefusedError((_no_mass().of(_sources(logs)),)) from None
     if not explained:
         estimate = _widened(estimate, alone)
+    doubted = any(fit.findings for fit in alone)
     bends = [[table.columns[0] for table in part.tables] for part in prepared.parts]
     together = np.stack([np.concatenate(each) for each in zip(*bends, strict=True)])
     apart = float(np.linalg.eigvalsh(np.corrcoef(together))[0])
@@ -319,6 +331,7 @@ def _fitted(logs: tuple[Trajectories, ...], hardware: Hardware, method: Method) 
         apart=apart,
         unequal=unequal_couplings(prepared, estimate) if heavy else (),
         turned=turned,
+        uneven=uneven_mass(prepared) if heavy and not explained and doubted else None,
     )
 
 
@@ -439,6 +452,23 @@ def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
                     ),
                 )
     return ()
+
+
+def _uneven(joint: _JointFit) -> Iterator[Finding]:
+    """``unmodelled-force`` where the mass depends on position, as that of an arm."""
+    if joint.uneven is None:
+        return
+    axis = int(np.argmax(joint.uneven[1] / joint.uneven[0]))
+    low, high = joint.uneven[:, axis]
+    refused = any(each.severity == "refusal" for fit in joint.alone for each in fit.findings)
+    yield Finding(
+        code="unmodelled-force",
+        severity="refusal" if refused else "warning",
+        seen="the mass depends on position, as of an arm: that of "
+        f"{joint.logs[0].names[axis]} goes from {low:.4g} to {high:.4g} over the motion logged",
+        needed="a mass that is the same in all of a log",
+        remedy="Move less, and log several poses: the device takes the mass of each.",
+    )
 
 
 def _turned(joint: _JointFit) -> Iterator[Finding]:

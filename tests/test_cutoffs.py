@@ -176,7 +176,9 @@ def test_a_start_that_is_found_to_keep_all_effects_late_is_climbed() -> None:
         "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
         "cup": {"damping": "max", "mass": "max"},
     }
-    wanted = {"elements": elements, "margin": "conservative", "loop": {"filter_damping_ratio": 0.5}}
+    kinds = {"velocity_filter": "low-pass", "acceleration_filter": "low-pass"}
+    loop = kinds | {"filter_damping_ratio": 0.5}
+    wanted = {"elements": elements, "margin": "conservative", "loop": loop}
     profile = optimise(device, Scene.model_validate(wanted))
     assert profile.elements["wall"].stiffness > 100
 
@@ -229,7 +231,7 @@ def test_a_held_object_is_felt_as_mass_within_what_the_paper_could_simulate() ->
     # What it brings as damping lies within one step of the device's own 10 and the 30 asked for.
     for felt in cup.rendered.damping_at_ends:
         assert 1 / 1.2669 <= (10.0 + felt) / 40.0 <= 1.2669
-    assert cup.limited_by["mass"] == "ripple"
+    assert cup.limited_by["mass"] in {"ripple", "rendering"}
 
 
 #: Two equal poles would make a mass of 1 kg felt with as much damping as the device's own.

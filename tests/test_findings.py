@@ -480,8 +480,8 @@ def test_a_force_that_was_measured_tells_mass_but_no_delay() -> None:
 def test_a_force_that_was_logged_rows_late_is_refused(stated: float | None) -> None:
     known = Hardware() if stated is None else Hardware(delay=quantity(stated))
     held, low_pass = late_by(STEP), np.repeat(1 / 8, 8)
-    rows = (replace(held, force=np.roll(held.force, late)) for late in (2, 6))
-    for log in (*rows, replace(held, force=np.convolve(held.force, low_pass)[: len(held)])):
+    late = replace(held, force=np.roll(held.force, 2 if stated is None else 6))
+    for log in (late, replace(held, force=np.convolve(held.force, low_pass)[: len(held)])):
         with pytest.raises(LogRefusedError, match=r"before its row, .* damping comes out too high"):
             identify(log, hardware=known)
         allowed = identify(log, hardware=known, allow="delay-unknown").device

@@ -16,6 +16,7 @@ from tune import NoFeasibleEffectError, SafeProfile, Scene, load_scene, optimise
 DIGITS, NEARLY = 1e-5, 0.01
 FILTERS: dict[str, Any] = {"velocity_filter_hz": 60.0, "acceleration_filter_hz": 30.0}
 LOW_PASS = {"acceleration_filter": "low-pass"}
+LOW = LOW_PASS | {"velocity_filter": "low-pass"}
 
 
 def _tuned(elements: dict[str, Any], device: str = "homerehab", **scene: Any) -> SafeProfile:
@@ -236,7 +237,7 @@ def test_a_mass_that_no_low_pass_keeps_is_played_by_another_filter_unless_one_is
 def test_a_mass_that_no_filter_keeps_leaves_that_of_another_element() -> None:
     beside = {"stiffness": 400.0, "mass": 1.0, "damping": "max"}
     profile = _tuned({"lone": {"mass": "max"}, "held": beside}, loop=LOW_PASS)
-    alone = _tuned({"held": beside})
+    alone = _tuned({"held": beside}, loop=LOW_PASS)
     assert profile.elements["lone"].mass == 0
     assert profile.elements["held"] == alone.elements["held"]
     assert profile.elements["held"].mass > 0.9
@@ -332,7 +333,7 @@ def test_filters_are_chosen_for_what_is_left_once_something_could_be_pumped() ->
     )
     block: dict[str, object] = {"stiffness": "max", "damping": "max", "speed": 0.157}
     beside, alone = (
-        optimise(device, Scene.model_validate({"elements": {"block": block | mass}}))
+        optimise(device, Scene.model_validate({"elements": {"block": block | mass}, "loop": LOW}))
         for mass in ({"mass": "max"}, {})
     )
     assert beside.notes[0].startswith("block.mass dropped: however slowly it fades")

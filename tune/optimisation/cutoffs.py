@@ -45,8 +45,8 @@ _FAMILY = 0.6
 _CLIMBED, _ALIKE = 5, 3
 #: A search ends where no more than this, in the logarithm of the product, can be gained.
 _SAME = 2e-3
-#: Steps of the logarithm of a cut-off at which what is best is looked around in the end.
-_AROUND = (0.08, 0.03)
+#: Step of the logarithm of a cut-off at which what is best is looked around in the end.
+_AROUND = 0.05
 #: Part of it that counts where effects of a second rank tell kinds apart.
 _FINER = 0.5
 #: This little is given for less filtering.
@@ -458,21 +458,22 @@ class _Search:
         most = max(self.tried, key=self.tried.__getitem__)
         best, here = self.tried[most], self._place(most)
         every = sum(best.kept) == sum(self.wished.values())
-        for step in _AROUND:
-            moved = True
-            while moved:
-                enough = CutoffObjective(best.kept, best.value + _SAME * self.unit / 2)
-                around = [here]
-                for index in self.free:
-                    around += [self._beside(p, index, way) for p in around for way in (-step, step)]
-                found = [
-                    (reached, point)
-                    for point in around
-                    if (reached := (self._objective_of_all if every else self._objective)(point))
-                    and reached > enough
+        moved = True
+        while moved:
+            enough = CutoffObjective(best.kept, best.value + _SAME * self.unit / 2)
+            around = [here]
+            for index in self.free:
+                around += [
+                    self._beside(p, index, way) for p in around for way in (-_AROUND, _AROUND)
                 ]
-                moved = bool(found)
-                best, here = max([*found, (best, here)])
+            found = [
+                (reached, point)
+                for point in around
+                if (reached := (self._objective_of_all if every else self._objective)(point))
+                and reached > enough
+            ]
+            moved = bool(found)
+            best, here = max([*found, (best, here)])
 
     def _objective(self, point: Sequence[float]) -> CutoffObjective:
         filters = self._filters(point)

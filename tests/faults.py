@@ -137,7 +137,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/cli/preparation.py",
-        "tests/test_documentation.py -k readme",
+        "tests/test_rehearse.py -k ripple_of_both",
         ("ripple beside a wall", "told * meets_wall(design, combination)", "0.0"),
     ),
     *_of(

@@ -290,3 +290,22 @@ def test_what_is_pushed_through_a_wall_that_is_cut_comes_to_rest_within_a_trial(
         settles.append(played.settles)
     assert settles == [bounced(each, mass=m, late=n) < 0.01 for each, m, n in cases]
     assert settles == [False, True, True]
+
+
+def test_beside_a_wall_the_encoder_may_move_a_device_by_the_ripple_of_both() -> None:
+    """A wall and a cup that are each just not felt; 0.53 N lasts within a count of 6 µm."""
+    known = {"mass": quantity(3.0, 2.9996, 3.0003), "damping": quantity(10.0, 9.982, 10.016)}
+    elements = {
+        "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
+        "cup": {"mass": "max", "damping": 30.0, "acceleration": 2.0, "fade_time": 0.1},
+    }
+    loop = {"velocity_filter_hz": 77.87, "velocity_filter_order": 2, "filter_damping_ratio": 0.5}
+    loop |= {"acceleration_filter_hz": 29.35}
+    wanted = Scene.model_validate({"elements": elements, "loop": loop, "ripple_limit": 0.1})
+    profile = optimise(load_device("homerehab").model_copy(update=known), wanted)
+    ripples = [each.ripple or 0.0 for each in profile.elements.values()]
+    assert 1.5 * profile.ripple_limit < sum(ripples)
+    refuse_restless(profile, print)
+    alone = profile.model_copy(update={"ripple_limit": profile.ripple_limit / 2})
+    with pytest.raises(CheckFailedError, match=r"cup: rehearsal: .* keeps oscillating"):
+        refuse_restless(alone, print)

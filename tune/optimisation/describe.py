@@ -510,7 +510,9 @@ def notes_of_unmet(
                 most_alone = f"about {format_number(alone[about])} {units[effect]} by itself"
                 mates = " and ".join(each for each in tightest[about] if each != name)
                 above = f", above all {mates}" * bool(mates)
-                beside = f"{most} is the most found with all that is met beside it{above}, {most_alone}"
+                beside = (
+                    f"{most} is the most found with all that is met beside it{above}, {most_alone}"
+                )
                 yield f"{note_of_unmet(about)}{beside}. {_TELL_APART}"
             elif wish.kind == "max" and undamped:
                 bare = f"{most} is the most without damping beside it, limited by {why}"

@@ -95,6 +95,8 @@ def _hopeless(
 ) -> frozenset[str]:
     """Those of some labels that are not kept where nothing but their element is looked for."""
     elements = task.scene.elements
+    if len(elements) == 1:  # nothing else was looked for
+        return left_out
     every = [(name, f"{name}.{effect}") for name in elements for effect in elements[name].wishes()]
     found = set[str]()
     for mine in dict.fromkeys(name for name, label in every if label in left_out):

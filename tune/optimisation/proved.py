@@ -44,9 +44,10 @@ class Proved:
     held_back: bool
 
     @classmethod
-    def of(cls, task: DesignTask, choice: Filters, raised: int, say: Progress) -> Proved:
-        """The largest effects of every group, a free cut-off of the velocity raised so often."""
-        filters = _with_less_lag(task, choice, raised)
+    def of(
+        cls, task: DesignTask, filters: Filters, choice: Filters, raised: int, say: Progress
+    ) -> Proved:
+        """The largest effects of every group with filters of a choice, raised so often."""
         less, solutions = solve_groups(task, filters, say)
         filtered = [
             s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
@@ -79,7 +80,7 @@ def best_proved(
     def proved(choice: Filters, raised: int) -> Proved:
         filters = _with_less_lag(task, choice, raised)
         if filters not in known:
-            known[filters] = Proved.of(task, choice, raised, say)
+            known[filters] = Proved.of(task, filters, choice, raised, say)
         return replace(known[filters], choice=choice, raised=raised)
 
     best = proved(choices[0][0], 0)

@@ -40,6 +40,14 @@ PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
 FILTERED = ("--velocity-filter", "30", "--acceleration-filter", "30")
 
 
+def test_a_spring_is_audited_on_a_device_whose_force_limit_nobody_states(here: Path) -> None:
+    content = to_mapping(load_device("homerehab"))
+    del content["force_limit"]
+    (here / "device.yaml").write_text(to_yaml(content), encoding="utf-8")
+    ended = haptune("audit", "device.yaml", *PAPER, *FILTERED)
+    assert (ended.code, ended.err) == (0, "")
+
+
 def test_the_papers_own_setting_is_safe_with_filters() -> None:
     ended = haptune("audit", "homerehab", *PAPER, *FILTERED)
     assert ended.code == 0, ended.err

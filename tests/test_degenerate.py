@@ -79,6 +79,33 @@ def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
     assert haptune("check", "profile.yaml").code == 0
 
 
+# It hardly damps.
+
+
+def test_the_ripple_of_a_spring_on_a_device_that_hardly_damps_is_found_anew() -> None:
+    """The reference is of a Lyapunov equation solved to 50 digits."""
+    facts = {"mass": 123.556188521, "damping": 0.511781576241, "sample_time": 2.16457136674e-5}
+    facts |= {"delay": 1.731657093392e-4, "encoder_resolution": 4.32842579243e-6}
+    device = _device(**{name: quantity(value) for name, value in facts.items()})
+    assert _tuned(device, "elements: {it: {stiffness: 1123.41, penetration: 0.001}}\n").code == 0
+    assert load_profile("profile.yaml").elements["it"].ripple == pytest.approx(0.00143140828, 1e-3)
+    assert haptune("check", "profile.yaml").code == 0
+
+
+def test_the_jitter_borne_by_poles_that_are_all_one_is_found_anew() -> None:
+    facts = {"mass": (1.34926248324, 1.34791322075, 1.35061174572)}
+    facts |= {"damping": (1.76510969118e-4, 1.76334458149e-4, 1.76687480087e-4)}
+    facts |= {"sample_time": (5.4532752979e-5,), "delay": (0.0,)}
+    facts |= {"encoder_resolution": (5.28437926754e-5,), "coulomb_friction": (0.00462763577577,)}
+    limit = ForceLimit(continuous=0.0880488839669, peak=0.176097767934)
+    known = {name: quantity(*values) for name, values in facts.items()}
+    device = _device(motion="rotary", force_limit=limit, **known)
+    loop = "loop: {velocity_filter: tracking, velocity_filter_hz: 11.69, filter_damping_ratio: 1}\n"
+    elements = "elements: {cup: {damping: 0.08805}}\n"
+    assert _tuned(device, loop + elements).code == 0
+    assert haptune("check", "profile.yaml").code == 0
+
+
 # The mass of the device may be anything within a decade.
 
 

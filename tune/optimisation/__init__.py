@@ -76,7 +76,7 @@ from tune.optimisation.solve import (
 #: Proposals after the first, each warned by what the check said of the one before.
 _MOST_ATTEMPTS = 4
 #: Cells of the proof of a combination after which more margin is tried; the last try has all.
-_CELLS = 50_000
+_CELLS = 200_000
 #: Stable at twice the gain and one sample late: room for what a model leaves out.
 _RECOMMENDED: MarginName = "balanced"
 #: What may be favoured.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, Finding, InvalidInputError, round_to_digits
+from identification.device.quantities import LARGEST
 from tune.certificate.certify import note_of_dropped, note_of_unmet
 from tune.documents.perception import Scale
 from tune.documents.profile import (
@@ -268,7 +269,7 @@ def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design
         if element.stiffness
     }
     at_once = [deep.keys() & {*combination} for combination in design.combinations()]
-    peak = np.inf if device.force_limit is None else device.force_limit.peak
+    peak = LARGEST if device.force_limit is None else device.force_limit.peak
     filters = filters_of(design.loop)
     elements: dict[str, ElementProfile] = {}
     for name, element in design.elements.items():

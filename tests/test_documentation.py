@@ -193,6 +193,10 @@ def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
 def _compare_first_table(printed: str) -> None:
     """The README's first table is what the command above it prints and writes, rounded."""
     profile = load_mapping("profile.yaml")
+    wall = profile["elements"]["wall"]
+    told = f"about {round(wall['stiffness'], -2):,.0f} N/m".replace(",", " ")
+    told += f", limited by `{wall['limited_by']['stiffness']}`"
+    assert told in (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     block = text.partition("|---|---|---|---|---|\n")[2].partition("\n\n")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()]

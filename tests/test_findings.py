@@ -242,6 +242,8 @@ def test_steps_held_as_long_as_others_are_no_limit() -> None:
 
     assert not saturated(stairs)
     assert not saturated(steps)
+    fade = np.minimum(1.0, np.minimum(time, time[-1] - time) / 0.23)
+    assert not saturated(fade * np.repeat(generator.choice((-1.0, 1.0), 80), 50))
     rounded = np.round(50 * np.clip(sine, -0.9, 0.9)) / 50
     assert saturated(rounded)
     assert saturated(np.where(time < 2.5, 0.0, rounded))  # most of it at rest

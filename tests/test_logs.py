@@ -48,6 +48,15 @@ def test_numbers_are_read_to_the_last_bit(tmp_path: Path, name: str, end: str) -
     np.testing.assert_array_equal(log.position, [1 / (k + 3) for k in range(ROWS)])
 
 
+def test_rows_written_twice_are_left_out_where_that_mends_the_clock(tmp_path: Path) -> None:
+    lines = table().splitlines(keepends=True)
+    log = load_trajectory(written(tmp_path, "".join([*lines[:5], lines[4], *lines[5:], lines[-1]])))
+    np.testing.assert_array_equal(log.time, TIME)
+    assert log.read_as == "2 rows written twice left out"
+    with pytest.raises(LogRefusedError, match="does not increase at 2 of"):
+        load_trajectory(written(tmp_path, "".join([*lines[:5], *lines[3:5], *lines[4:]])))
+
+
 def test_windows_line_ends_and_spaces(tmp_path: Path) -> None:
     text = table().replace(",", " , ").replace("\n", "\r\n")
     np.testing.assert_array_equal(load_trajectory(written(tmp_path, text)).force, FORCE)

@@ -507,8 +507,11 @@ def _runs_at(force: FloatArray, limit: float, *, switched: bool) -> BoolArray:
     may be ``switched``.
     """
     size = np.abs(force)
-    edges = np.diff(np.concatenate(([0], (size >= limit).astype(np.int8), [0])))
-    starts, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    side = np.where(size >= limit, np.sign(force), 0.0)
+    change = np.flatnonzero(np.diff(side, prepend=0.0, append=0.0))
+    starts, ends = change[:-1], change[1:]
+    there = side[starts] != 0
+    starts, ends = starts[there], ends[there]
     long = ends - starts >= _RUN
     if switched and long.any():
         jumps = np.abs(np.diff(force, prepend=0.0, append=0.0)) >= _SWITCHED * limit

@@ -164,6 +164,7 @@ def load_trajectory(
         if gain != 1:
             found[role] = found[role] * gain
             found[role].setflags(write=False)  # then it is not copied once more
+    found, copies = _without_copies(found)
     trajectory = Trajectory(
         time=found["time"],
         force=found["force"],
@@ -172,7 +173,7 @@ def load_trajectory(
         axis=axis or columns.axis or "x",
         motion=motion,
         stated_units=stated,
-        read_as=", ".join((*reading.notes, *notes)),
+        read_as=", ".join((*reading.notes, *notes, *copies)),
         source=printable(path.name),
         digest=digest,
         may_stand=may_stand,
@@ -214,6 +215,17 @@ def _content(path: Path) -> bytes:
     if not content or content.isspace():
         raise InvalidInputError(path, "is empty", "Log or export it again")
     return content
+
+
+def _without_copies(
+    found: dict[str, FloatArray],
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Columns without rows that were written twice, stamp and all, and what to say of them."""
+    again = np.append(False, np.all([np.diff(column) == 0 for column in found.values()], axis=0))
+    if not again.any() or not np.all(np.diff(found["time"][~again]) > 0):
+        return found, ()
+    kept = {role: column[~again] for role, column in found.items()}
+    return kept, (f"{np.count_nonzero(again)} rows written twice left out",)
 
 
 def _refuse_clock(trajectory: Trajectory, column: str) -> None:

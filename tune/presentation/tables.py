@@ -303,7 +303,7 @@ def _contact_words(
     parts: list[str] = []
     if bounce is not None:
         ends = dict.fromkeys(f"{end:.2g}" for end in bounce)
-        parts.append(f"gives back {' to '.join(ends)} of the speed")
+        parts.append(f"gives back {' to '.join(ends)} of the speed while it is not cut")
     shallow, deep = contact.depth_at_continuous_force, contact.depth_at_peak_force
     if shallow is not None and deep is not None:
         # A clamp may let pass less than the continuous force.

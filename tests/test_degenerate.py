@@ -93,12 +93,15 @@ def test_the_ripple_of_a_spring_on_a_device_that_hardly_damps_is_found_anew() ->
 
 
 def test_the_jitter_borne_by_poles_that_are_all_one_is_found_anew() -> None:
-    facts = {"mass": (1.34926248324, 1.34791322075, 1.35061174572)}
-    facts |= {"damping": (1.76510969118e-4, 1.76334458149e-4, 1.76687480087e-4)}
-    facts |= {"sample_time": (5.4532752979e-5,), "delay": (0.0,)}
-    facts |= {"encoder_resolution": (5.28437926754e-5,), "coulomb_friction": (0.00462763577577,)}
+    known = {
+        "mass": quantity(1.34926248324, 1.34791322075, 1.35061174572),
+        "damping": quantity(1.76510969118e-4, 1.76334458149e-4, 1.76687480087e-4),
+        "sample_time": quantity(5.4532752979e-5),
+        "delay": quantity(0.0),
+        "encoder_resolution": quantity(5.28437926754e-5),
+        "coulomb_friction": quantity(0.00462763577577),
+    }
     limit = ForceLimit(continuous=0.0880488839669, peak=0.176097767934)
-    known = {name: quantity(*values) for name, values in facts.items()}
     device = _device(motion="rotary", force_limit=limit, **known)
     loop = "loop: {velocity_filter: tracking, velocity_filter_hz: 11.69, filter_damping_ratio: 1}\n"
     elements = "elements: {cup: {damping: 0.08805}}\n"

@@ -65,6 +65,8 @@ def _ripple_by_integration(point: Point, setting: Setting, resolution: float) ->
         if law.vanishes and not plant.integrates:
             fed_back = fed_back * zero
         numerator, denominator = (shift_to_one(p) for p in (top, bottom + fed_back))
+    if not (np.isfinite(numerator).all() and np.isfinite(denominator).all()):
+        return float("inf")
     value, edges = np.nan, _panels(denominator)
     nodes, weights = np.polynomial.legendre.leggauss(_NODES)
     while edges.size <= _MOST:
@@ -88,9 +90,9 @@ def _panels(denominator: FloatArray) -> FloatArray:
     The denominator is in powers of z - 1, the highest first.
     """
     # Those near z = 1 are found best as the largest of the reversed polynomial.
-    inverse = np.roots(denominator[::-1])
+    inverse: ComplexArray = np.roots(denominator[::-1]).astype(np.complex128)
     with np.errstate(all="ignore"):
-        poles = np.log1p(1 / inverse)
+        poles: ComplexArray = np.log1p(1 / inverse)
         wide = np.abs(poles.real) * 2.0 ** np.arange(-1, _HALVINGS)[:, None]
         angle = np.abs(poles.imag)
     edges = np.concatenate((angle - wide, [angle], angle + wide)).ravel()

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification import Box, Device, Finding, InvalidInputError, round_to_digits
-from identification.device.quantities import LARGEST
 from tune.certificate.certify import note_of_dropped, note_of_unmet
 from tune.documents.perception import Scale
 from tune.documents.profile import (
@@ -28,6 +27,7 @@ from tune.documents.profile import (
 )
 from tune.documents.scene import (
     EFFECT_NAMES,
+    LARGEST,
     LONGEST_FADE,
     MARGINS,
     SHORTEST_FADE,

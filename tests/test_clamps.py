@@ -361,3 +361,14 @@ def test_no_cut_off_that_is_stated_gives_a_wall_and_what_it_meets_two_percent_mo
 
     most = worth()
     assert all(worth(velocity_filter_hz=hertz) <= 1.02 * most for hertz in (80.0, 110.0))
+
+
+@pytest.mark.long
+def test_a_wall_beside_what_is_heavy_is_no_less_because_its_proof_is_long() -> None:
+    """Effects are not cut by 5 % each time a proof of 140 000 cells is given up halfway."""
+    block = dict.fromkeys(("stiffness", "damping", "mass"), "max")
+    wanted = Scene.model_validate({"elements": {"block": block, "wall": WALL}})
+    profile = tuned("homerehab", wanted)
+    assert profile.apart == ()
+    assert profile.elements["wall"].stiffness > 15_000
+    assert profile.certificate.cells > 100_000

@@ -298,12 +298,11 @@ def jitter_failures(design: Design, name: str) -> Iterator[str]:
     )
     corners = [np.array(corner) for alike in _corners(region) for corner in alike]
     loops = [(each, values) for each in settings if each is not None for values in corners]
-    alike = [_ALIKE * (1 - _largest_norm(region, *loop, 0.0)) for loop in loops]
 
     def shrinks(jitter: float, way: int) -> bool:
         """Whether the norm of every loop shrinks under all steps, or all but grows or shrinks."""
         norms = (_largest_norm(region, *loop, jitter) for loop in loops)
-        return all(norm < 1 + way * near for norm, near in zip(norms, alike, strict=True))
+        return all(norm < 1 + way * _ALIKE * (1 - even) for norm, even in norms)
 
     if said > 0 and not shrinks(said * (1 - _FOUND), 1):
         yield f"{name}: margins.jitter says {said:.4g}, computed anew it is less"
@@ -311,7 +310,10 @@ def jitter_failures(design: Design, name: str) -> Iterator[str]:
         yield f"{name}: margins.jitter says {said:.4g}, computed anew it is more"
 
 
-def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: float) -> float:
+def _largest_norm(
+    region: Region, setting: Setting, values: FloatArray, jitter: float
+) -> tuple[float, float]:
+    """Norm of the modes under the worst step, and under an even one."""
     transitions = _transitions(region, setting, values, 1 + jitter * np.array(_LENGTHS))
     even = transitions[_LENGTHS.index(0.0)]
     poles, modes = np.linalg.eig(even)
@@ -331,7 +333,7 @@ def _largest_norm(region: Region, setting: Setting, values: FloatArray, jitter: 
     scaled = scaled + _NONE * scaled.max()
     scale *= np.sqrt(_principal(scaled.T) / _principal(scaled))
     norms = np.linalg.norm(seen * np.divide.outer(scale, scale), 2, axis=(1, 2))
-    return float(np.max(norms))
+    return float(np.max(norms)), float(norms[_LENGTHS.index(0.0)])
 
 
 def _principal(matrix: FloatArray) -> FloatArray:

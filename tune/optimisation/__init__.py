@@ -168,7 +168,7 @@ def _certified(best: Proved, scene: Scene, say: Progress) -> SafeProfile:
 def _cells_of(task: DesignTask) -> int:
     """Cells of a proof before less is asked for: what vibrates freely needs few or far too many."""
     free = task.scene.hand == "none" and task.device.modes
-    return _CELLS // 3 if free else _CELLS
+    return _CELLS // 12 if free else _CELLS
 
 
 def _silent(sentence: str) -> None:

@@ -136,6 +136,25 @@ FAULTS: tuple[Fault, ...] = (
         ),
     ),
     *_of(
+        "tune/optimisation/proved.py",
+        "tests/test_clamps.py -k held_back",
+        (
+            "raising what a proof held back",
+            "            if trial <= low * (1",
+            "            if low * (1",
+        ),
+        (
+            "a raise that is proved",
+            "return None\n        found[place]",
+            "pass\n        found[place]",
+        ),
+    ),
+    *_of(
+        "tune/optimisation/saturation.py",
+        "tests/test_clamps.py -k one_signal",
+        ("multipliers of other clamps", "            multiplier = None  #", "            pass  #"),
+    ),
+    *_of(
         "tune/cli/preparation.py",
         "tests/test_rehearse.py -k ripple_of_both",
         ("ripple beside a wall", "told * meets_wall(design, combination)", "0.0"),

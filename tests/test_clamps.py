@@ -363,6 +363,31 @@ def test_no_cut_off_that_is_stated_gives_a_wall_and_what_it_meets_two_percent_mo
     assert all(worth(velocity_filter_hz=hertz) <= 1.02 * most for hertz in (80.0, 110.0))
 
 
+def test_what_a_proof_held_back_is_raised_as_far_as_the_proof_goes() -> None:
+    """Stepped back together, a spring and its damper are proved as 1.738 and 0.01619."""
+    loop = {"velocity_filter": "low-pass", "velocity_filter_hz": 300.0}
+    gel = {"gel": {"stiffness": "max", "damping": "max"}}
+    wanted = Scene.model_validate({"margin": "firm", "loop": loop, "elements": gel})
+    played = tuned("knob", wanted).elements["gel"]
+    assert played.stiffness > 1.85
+    assert played.damping > 0.0161
+    assert played.limited_by == {"stiffness": "saturation", "damping": "saturation"}
+
+
+@pytest.mark.parametrize(("margin", "least"), [("firm", 0.54), ("balanced", 0.42)])
+def test_clamps_of_one_signal_may_part_on_the_way_to_their_proof(margin: str, least: float) -> None:
+    gel = {"stiffness": "max", "damping": "max"}
+    wanted = Scene.model_validate(
+        {
+            "margin": margin,
+            "loop": {"velocity_filter": "low-pass", "velocity_filter_hz": 100.0},
+            "elements": {"gel": gel, "goo": gel},
+            "together": [["gel", "goo"]],
+        }
+    )
+    assert all(each.stiffness > least for each in tuned("knob", wanted).elements.values())
+
+
 @pytest.mark.long
 def test_a_wall_beside_what_is_heavy_is_no_less_because_its_proof_is_long() -> None:
     """Effects are not cut by 5 % each time a proof of 140 000 cells is given up halfway."""

@@ -64,7 +64,14 @@ from tune.optimisation.describe import (
 from tune.optimisation.feasibility import SAME
 from tune.optimisation.nash import Solution
 from tune.optimisation.problem import LONGER, SLACK, DesignTask
-from tune.optimisation.proved import MOST_PROVED, Progress, Proved, best_proved, solve_groups
+from tune.optimisation.proved import (
+    MOST_PROVED,
+    Progress,
+    Proved,
+    best_proved,
+    solve_groups,
+    with_room_regained,
+)
 from tune.optimisation.region import PlantPoint
 from tune.optimisation.solve import (
     groups,
@@ -181,7 +188,7 @@ def _proposed(best: Proved, say: Progress) -> tuple[Proved, Design, dict[str, Ab
     What no fade keeps from being pumped is left out, and the rest tuned once more, with filters of
     its own.
     """
-    task, solutions = best.task, best.solutions
+    task, solutions = best.task, with_room_regained(best.solutions)
     dropped = with_what_is_felt(task, best.filters, solutions)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))

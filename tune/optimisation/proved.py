@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, used_filters
+from tune.optimisation.feasibility import feasible_points, largest_allowed
+from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import Solution
 from tune.optimisation.problem import CutoffAxis, DesignTask
 from tune.optimisation.solve import CutoffObjective, groups, rank_of, solve, worth_of
@@ -20,6 +22,9 @@ MOST_PROVED = 4
 _LESS_LAG, _RAISED = 1.25, 2
 #: A pair that had to be told apart counts as half of the product.
 _APART = math.log(2)
+#: What a proof held back is raised by no less than this part, up to so little below its limit, and
+#: so often halved until it holds.
+_LEAST_RAISE, _BELOW, _HALVINGS = 0.02, 1e-5, 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,3 +146,57 @@ def solve_groups(
             place = next(n for n, each in enumerate(order) if rank_of(task.scene, each) == rank)
             order = (*order[:place], elements, *(e for e in order[place:] if e != elements))
     return task, [found[each] for each in usual]
+
+
+def with_room_regained(solutions: Sequence[Solution]) -> list[Solution]:
+    """Solutions in which each size that a proof held back is as large as its proof allows.
+
+    All that are met were made smaller together, until what moves least was proved; one after the
+    other, that of the fewest steps first, they are raised as far as the limits and the multipliers
+    at hand go.
+    """
+    found = list(solutions)
+    held = [
+        (unknown.steps(float(solved.sizes[index])), place, index, unknown)
+        for place, solved in enumerate(found)
+        for index, unknown in enumerate(solved.problem.unknowns)
+        if index in solved.stepped_back
+    ]
+    for _, place, index, unknown in sorted(held, key=lambda each: each[:3]):
+        own = found[place]
+        low = float(own.sizes[index])
+        trial = high = most = largest_allowed(own.problem, own.sizes, index) * (1 - _BELOW)
+        for _ in range(_HALVINGS):
+            if trial <= low * (1 + _LEAST_RAISE):
+                break
+            raised = _proved_with(found, unknown, unknown.rounded_at(unknown.steps(trial)))
+            if raised is None:
+                high = trial
+            else:
+                found, low = raised, trial
+            if low >= most:
+                break
+            trial = math.sqrt(low * high)
+    return found
+
+
+def _proved_with(
+    solutions: Sequence[Solution], unknown: Unknown, size: float
+) -> list[Solution] | None:
+    """The solutions with another size of one effect, if the multipliers at hand prove them all."""
+    from tune.optimisation.saturation import prove_combinations
+
+    found = [*solutions]
+    for place, solved in enumerate(solutions):
+        labels = [each.label for each in solved.problem.unknowns]
+        if not solved.sizes.size or unknown.label not in labels:
+            continue
+        sizes = solved.sizes.copy()
+        sizes[labels.index(unknown.label)] = size
+        if not feasible_points(solved.problem, sizes[None])[0]:
+            return None
+        absolute = prove_combinations(solved.problem, sizes, solved.absolute, ())
+        if any(one.gain < solved.problem.proved_gain for one in absolute.values()):
+            return None
+        found[place] = replace(solved, sizes=sizes, absolute=absolute)
+    return found

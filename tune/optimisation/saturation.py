@@ -75,10 +75,7 @@ def _find_multiplier(
 
 
 def _ladders(problem: Problem, parts: Nonlinearities) -> list[list[int]]:
-    """Delays of the taps, samples, to be tried in turn.
-
-    Those that hold a whole exponential take long to prove.
-    """
+    """Delays of the taps, samples, to be tried in turn: the longer, the longer to prove."""
     step, long = problem.region.box.sample_time[0], problem.slack < SLACK[-1]
     late = problem.region.box.delay[1] / step + problem.margin.extra_delay_samples
     tried: list[float] = [max(_LONG, _DELAYS * (late + 1))]
@@ -407,6 +404,8 @@ def _search_gain(
             order = [(ladders[-1], part) for part in (most, *tries) if part <= most]
         responses = Responses.of(loop, steady)
         multiplier = known and (known.held if loop.grounded else known.free)
+        if multiplier and tuple(one.name for one in multiplier.channels) != parts.names:
+            multiplier = None  # of clamps that were one signal, or are now
         gain = 0.0 if multiplier is None else _least_gain(responses, parts, multiplier)
         for ladder, part in () if gain >= most * least else order:
             found = _find_multiplier(responses, parts, part * least, ladder, seen_of)
@@ -562,12 +561,6 @@ def step_back(
         else:
             room, (sizes, found) = middle, half
     return sizes, found, tightest
-
-
-def steps_lost(problem: Problem, sizes: FloatArray, most: Mapping[str, float]) -> float:
-    """Most steps that an effect is below the most that it may have, by label, if that is known."""
-    both = [(u, u.steps(size)) for u, size in zip(problem.unknowns, sizes.tolist(), strict=True)]
-    return max((u.steps(most[u.label]) - n for u, n in both if u.label in most), default=0.0)
 
 
 def soften(

@@ -181,7 +181,7 @@ def _solved(
     alone: dict[str, float] = {}
     tightest: tuple[str, ...] = ()
     if second_opinion and any(combination.absolute for combination in problem.combinations):
-        from tune.optimisation.saturation import MOST_LOST, soften, step_back, steps_lost
+        from tune.optimisation.saturation import MOST_LOST, soften, step_back
 
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
@@ -191,7 +191,7 @@ def _solved(
         # Of springs what they have alone, of dampers what linear limits leave them.
         pairs = zip(problem.unknowns, linear.tolist(), strict=True)
         most = alone | {u.label: size for u, size in pairs if u.effect == "damping"}
-        if short or steps_lost(problem, sizes, most) > MOST_LOST:
+        if short or _steps_lost(problem, sizes, most) > MOST_LOST:
             soft = soften(problem, linear, alone, tuned, dropped)
             clash = _pair(task, elements, tightest) if soft is None else None
             # Beside one that is proved, though soft, room is left once.
@@ -217,6 +217,12 @@ def _solved(
         tightest=tightest,
         stepped_back=frozenset(np.flatnonzero(sizes < linear).tolist()),
     )
+
+
+def _steps_lost(problem: Problem, sizes: FloatArray, most: Mapping[str, float]) -> float:
+    """Most steps that an effect is below the most that it may have, by label, if that is known."""
+    both = [(u, u.steps(size)) for u, size in zip(problem.unknowns, sizes.tolist(), strict=True)]
+    return max((u.steps(most[u.label]) - n for u, n in both if u.label in most), default=0.0)
 
 
 def _pair(

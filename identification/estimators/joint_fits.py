@@ -404,7 +404,8 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
         if damped:  # starts that no full step improves are not followed for their own sake
             gain = min(gain, _gained(columns, move, play.count))
         found, trial = None, theta
-        if not settled or (min(gain, improved) > _CONVERGED**2 and slow < _MOST_SLOW):
+        going_on = not settled or (improved > _CONVERGED**2 and slow < _MOST_SLOW)
+        if going_on and gain > _CONVERGED**2:
             for tried in range(_MOST_TRIES):
                 short = _step(columns, residual, damped)[0] if damped else move
                 trial = play.within(theta + short)

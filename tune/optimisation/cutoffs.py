@@ -23,7 +23,6 @@ from tune.optimisation.problem import (
     DesignTask,
     may_saturate,
     problem_of,
-    ranks_of,
 )
 from tune.optimisation.solve import (
     CutoffObjective,
@@ -153,7 +152,7 @@ class _Search:
         self.gone = gone
         self.free = [index for index, axis in enumerate(axes) if axis.free]
         #: Of what ends a search: kinds are told apart by effects of the second rank as well.
-        self.unit = _FINER if len(kinds) > 1 and len(ranks_of(task)) > 1 else 1.0
+        self.unit = _FINER if len(kinds) > 1 and len(task.ranks) > 1 else 1.0
         #: Of what is looked at.
         self.kind = kinds[0]
         #: Worth of all elements.
@@ -165,14 +164,16 @@ class _Search:
         self.keeps_all: dict[tuple[tuple[str, ...], Filters], bool] = {}
         #: Effects of each group that uses a filter, and how many of them over all its elements.
         self.wished: dict[tuple[str, ...], int] = {}
-        self.asked: dict[tuple[str, ...], set[EffectName]] = {}
+        self.asked: dict[tuple[str, ...], frozenset[EffectName]] = {}
+        #: Those of some filters that some effects use.
+        self.used: dict[tuple[frozenset[EffectName], Filters], Filters] = {}
         elements = task.scene.elements
         for group in groups(task.scene):
             wishes: list[EffectName] = [
                 e for name in group for e in elements[name].wishes() if f"{name}.{e}" not in gone
             ]
             if "damping" in wishes or "mass" in wishes:
-                self.asked[group], self.wished[group] = set(wishes), len(wishes)
+                self.asked[group], self.wished[group] = frozenset(wishes), len(wishes)
 
     def best(self) -> Filters:
         """The least filtering that is worth nearly as much as the best that is found.
@@ -282,7 +283,7 @@ class _Search:
     def _reached(self, point: Sequence[float], index: int) -> float:
         """How much of a step an effect has that uses one of the filters, but for springs alone."""
         filters, most = self._filters(point), 0.0
-        for elements in self.asked:
+        for elements in (each for each, wishes in self.asked.items() if _USES[index] in wishes):
             cut, used = may_saturate(self.task, elements), self._of(elements, filters)
             problem = problem_of(self.task, elements=elements, filters=used, cut=cut)
             for place, unknown in enumerate(problem.unknowns):
@@ -481,7 +482,7 @@ class _Search:
         filters = self._filters(point)
         if filters not in self.tried:
             self._say(filters)
-            total = CutoffObjective(kept=(0,) * len(ranks_of(self.task)), value=0.0)
+            total = CutoffObjective(kept=(0,) * len(self.task.ranks), value=0.0)
             for elements in self.asked:
                 total = total.plus(self._tuned(elements, self._of(elements, filters)).objective)
             self.tried[filters] = total
@@ -489,7 +490,11 @@ class _Search:
 
     def _of(self, elements: tuple[str, ...], filters: Filters) -> Filters:
         """Those of the filters that a group uses."""
-        return used_filters(filters, Effects(**dict.fromkeys(self.asked[elements], 0.0)))
+        used = self.asked[elements]
+        if (used, filters) not in self.used:
+            acting = Effects(**dict.fromkeys(used, 0.0))
+            self.used[used, filters] = used_filters(filters, acting)
+        return self.used[used, filters]
 
     def _tuned(self, elements: tuple[str, ...], filters: Filters) -> Tuned:
         """One group; known if it was tried before with the filters that it uses."""

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from typing import Literal
 
@@ -217,10 +218,14 @@ def _telling(rows: FloatArray, units: FloatArray) -> NDArray[np.intp]:
     As many for all filters, so some may be there twice.
     """
     there = np.flatnonzero(units)
-    ratios = np.array(list(product(_DIRECTIONS, repeat=there.size)))
-    least = np.where(ratios > 0, ratios, np.inf).min(axis=1, initial=np.inf)
-    directions = ratios[least == 1] * units[there]
-    return np.argmax(rows[:, there] @ directions.T, axis=0)
+    return np.argmax(rows[:, there] @ (_ratios(there.size) * units[there]).T, axis=0)
+
+
+@cache
+def _ratios(count: int) -> FloatArray:
+    """Directions of so many sizes, the least of those that are there being one."""
+    ratios = np.array(list(product(_DIRECTIONS, repeat=count)))
+    return ratios[np.where(ratios > 0, ratios, np.inf).min(axis=1, initial=np.inf) == 1]
 
 
 def renderings(
@@ -261,14 +266,12 @@ def renderings(
             if felt == "mass" and mass is not None:
                 yield from _proportions(given * unknowns[mass].sign, mass, units)
                 continue
-            most = given.copy()
+            most = given.copy() if felt == "damping" else given[IN_MOTION]
             if felt == "damping":
                 rows = -given[~IN_MOTION] / ((1 - _KEPT) * own.reference)
                 yield Proportion(rows=rows, telling=_telling(rows, units))
                 if mass is not None:
                     most[~IN_MOTION, mass] -= turn[~IN_MOTION]
-            else:
-                most = most[IN_MOTION]
             for rows, sign in ((most, 1), (given[IN_MOTION], -1)):
                 yield Rendering(
                     scale=own,

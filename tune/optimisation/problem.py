@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from types import MappingProxyType
 from typing import cast
@@ -170,7 +171,7 @@ class Problem:
 _FOR_WALLS, _TOGETHER = 0.8, (0.6, 0.4, 0.2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class DesignTask:
     """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
 
@@ -209,6 +210,12 @@ class DesignTask:
         extra = max(margin.extra_delay_samples for margin in MARGINS.values())
         region = Region.of(device, hand_of(scene.hand, device.motion), extra=extra)
         return cls(device=device, scene=scene, table=table, region=region, favour=favour)
+
+    @cached_property
+    def ranks(self) -> tuple[int, ...]:
+        """Ranks of the scene; see `Unknown`."""
+        elements = self.scene.elements.values()
+        return tuple(sorted({level_of(e, effect) for e in elements for effect in e.wishes()}))
 
     def asks_for_both(self, pair: tuple[str, str]) -> bool:
         """Whether the scene asks for a pair of elements together."""
@@ -456,12 +463,6 @@ class _Asking:
             return 1.0
         shares = Shares.of(self.task.device, self.filters)
         return max((shares.damping if effect == "damping" else shares.mass).mean, _BARELY_FELT)
-
-
-def ranks_of(task: DesignTask) -> tuple[int, ...]:
-    """Ranks of a scene; see `Unknown`."""
-    elements = task.scene.elements.values()
-    return tuple(sorted({level_of(each, effect) for each in elements for effect in each.wishes()}))
 
 
 def level_of(given: Element, effect: EffectName) -> int:

@@ -35,7 +35,7 @@ from tune.optimisation.nash import (
     feasible_subsets,
     largest_product,
 )
-from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of, ranks_of
+from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of
 
 if TYPE_CHECKING:
     from tune.optimisation.saturation import Tried
@@ -474,7 +474,7 @@ def worth_of(task: DesignTask, solutions: Sequence[Solution]) -> CutoffObjective
     left = [solved for solved in solutions if solved.sizes.size]
     own = [u.level for solved in left for u in solved.problem.unknowns if not u.settled]
     value = sum(value_of(task, solved.problem, solved.sizes) for solved in left)
-    return CutoffObjective(kept=tuple(map(own.count, ranks_of(task))), value=value)
+    return CutoffObjective(kept=tuple(map(own.count, task.ranks)), value=value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -538,14 +538,14 @@ def tune_with_filters(
         if wish.kind == "range" and wish.low
     )
     most = sum(map(len, wishes.values()))
-    kept = tuple(levels.count(rank) - missed * most for rank in ranks_of(task))
+    kept = tuple(levels.count(rank) - missed * most for rank in task.ranks)
     objective = CutoffObjective(kept=kept, value=value_of(task, problem, sizes))
     return Tuned(objective=objective, problem=problem, optimum=optimum)
 
 
 def weights_of(task: DesignTask, problem: Problem) -> list[float]:
     """What the logarithm of the steps of each unknown counts, by its rank."""
-    ranks = ranks_of(task)
+    ranks = task.ranks
     return [
         0.0 if u.settled else u.weight * _NEXT_RANK ** ranks.index(u.level)
         for u in problem.unknowns

@@ -299,6 +299,13 @@ HARD = Bench(
         (STYLUS, _stuck_at_its_limit, "law", "not assessed", "20 rows are neither saturated"),
         (
             STYLUS,
+            lambda: STYLUS.log("wall", 0.5, other={"force_limit": 0.8}),
+            "law",
+            "disagrees",
+            "the force stays at 0.8 N where the law asks for up to 1.5 N; nothing in the profile",
+        ),
+        (
+            STYLUS,
             lambda: STYLUS.log("gel", 0.5),
             "frequency",
             "not assessed",

@@ -241,6 +241,11 @@ class Log:
             parts = map(rest, felt)
         return Columns(force=force, parts=tuple(parts), rows=rows, acting=acting)
 
+    def asked(self, effects: Effects, judged: FloatArray) -> FloatArray:
+        """The force of a law on every row, N, with the offset of those judged, which are no nan."""
+        law = -force_of(effects, (self.position, *_estimates(self.position, self.loop)))
+        return law + np.mean((self.force - law)[~np.isnan(judged)])
+
 
 def fit_scaled(columns: Columns, effects: Effects) -> LawFit:
     """The one gain at which these effects explain the force best."""

@@ -90,6 +90,7 @@ class MeasuredLaw:
     loop: LoopProfile  # filters of the law that was played
     effects: Effects | None  # as played; None where no law explains the force
     gain: float  # part of the profile's effects, by its own law; nan where the law is another
+    others: dict[Combination, float]  # gains at which the law is that of other elements as well
     predicted: FloatArray  # by the profile's own law at its best gain, N, nan where not used; (n,)
     log: Log  # with the rows the law was judged on
     acting: NDArray[np.bool_]  # those on which all elements act
@@ -114,13 +115,42 @@ def judge_law(
     seen = _judged(profile, combinations, trajectory, gain, digits, used)
     fades = {each: max(profile.elements[name].fade_time for name in each) for each in combinations}
     fading = tuple(each for each in combinations if fades[each])
-    if not fading or seen.outcomes[0].verdict != "disagrees":
+    if fading and seen.outcomes[0].verdict == "disagrees":
+        rows = int(np.ceil(max(fades.values()) / profile.loop.sample_time))
+        faded = used & _faded(size, trajectory.position, rows)
+        later = _judged(profile, fading, trajectory, gain, digits, faded)
+        explains = later.outcomes[0].verdict == "agrees" or (later.effects and not seen.effects)
+        seen = later if explains or seen.elements in fading else seen
+    return _unless_cut(profile, seen, used, size, digits.force)
+
+
+def _unless_cut(
+    profile: Design, seen: MeasuredLaw, used: NDArray[np.bool_], size: FloatArray, digit: float
+) -> MeasuredLaw:
+    """The same, but where the law asks for more than a level below all limits it disagrees."""
+    limit, level, law = profile.device.force_limit, float(size.max()), seen.outcomes[0]
+    effects = seen.effects if law.verdict == "agrees" and seen.log.wall is None else None
+    if limit is None or effects is None:
         return seen
-    rows = int(np.ceil(max(fades.values()) / profile.loop.sample_time))
-    faded = used & _faded(size, trajectory.position, rows)
-    later = _judged(profile, fading, trajectory, gain, digits, faded)
-    explains = later.outcomes[0].verdict == "agrees" or (later.effects and not seen.effects)
-    return later if explains or seen.elements in fading else seen
+    most = limit.continuous
+    for names, gain in {seen.elements: seen.gain, **seen.others}.items():
+        springs = sum(profile.elements[name].force_level for name in names) or np.inf
+        most = min(most, gain * min(limit.peak, springs))
+    cut = ~used & (size >= level * (1 - _AT_LIMIT) - digit)
+    asked = float(np.max(np.abs(seen.log.asked(effects, seen.predicted)[cut]), initial=0.0))
+    if min(most, asked - digit) <= level * (1 + _MATERIAL_SIZE):
+        return seen
+    unit = UNITS[profile.device.motion]["force"]
+    law = replace(
+        law,
+        verdict="disagrees",
+        seen=f"{law.seen}, but the force stays at {level:.4g} {unit} where the law asks for up to "
+        f"{asked:.4g} {unit}; nothing in the profile cuts it below {most:.4g} {unit}",
+        remedy="Log what the controller commands, with no limit but the profile's. If the drive "
+        "gives no more, state that as force_limit of the device and tune again.",
+        numbers={**law.numbers, "cut_at": level, "asked": asked, "profile_cuts_at": most},
+    )
+    return replace(seen, outcomes=(law, *seen.outcomes[1:]))
 
 
 def _judged(
@@ -141,6 +171,7 @@ def _judged(
         loop=profile.loop,
         effects=None,
         gain=float("nan"),
+        others={},
         predicted=np.full(force.size, np.nan),
         log=log,
         acting=used,
@@ -193,6 +224,7 @@ def _judged(
         seen,
         effects=scaled,
         gain=fit.gain,
+        others=others,
         outcomes=(outcome, _gain_outcome(fit.gain, gain, combination, others)),
     )
 

@@ -835,7 +835,7 @@ FAULTS: tuple[Fault, ...] = (
     *_of(
         "tune/cli/judging.py",
         "tests/test_several_axes.py -k does_not_tell",
-        ("the direction to play along", "where = along(safe, direction)", 'where = ""'),
+        ("the direction to play along", "{begin}{along(safe, direction)}", "{begin}"),
     ),
     *_of(
         "identification/planning/several_axes.py",

@@ -130,7 +130,7 @@ def test_what_was_just_played_is_not_told_as_something_else(here: Path) -> None:
     Path("stopped.csv").write_text(log_text(log), encoding="utf-8")
     refused = haptune("verify", "profile.yaml", "stopped.csv")
     assert refused.code == 4
-    assert "Again, as said of the other checks: play water" in refused.err
+    assert "After what is said of the other checks, again: play water" in refused.err
     assert "Instead" not in refused.err
 
 

@@ -295,6 +295,13 @@ HARD = Bench(
             "disagrees",
             "the swings grow until the log ends",
         ),
+        (
+            STYLUS,
+            lambda: STYLUS.log("wall", 0.5, other={"coulomb_friction": 0.5}),
+            "decay",
+            "not assessed",
+            "where the device as identified swings on. If no hand stopped it, friction or damping",
+        ),
         (STYLUS, _beats, "frequency", "not assessed", "leaves 18"),
         (STYLUS, _stuck_at_its_limit, "law", "not assessed", "20 rows are neither saturated"),
         (

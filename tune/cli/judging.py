@@ -565,8 +565,8 @@ def _advice(session: Session, safe: SafeProfile, seen: Verification) -> str:
         if play is None:
             return f"{told}."
         again = not more and play.gain * _MORE >= seen.gain
-        where = along(safe, direction)
-        return f"{'Again, as said of the other checks' if again else 'Instead'}{where}: {told}."
+        begin = "After what is said of the other checks, again" if again else "Instead"
+        return f"{begin}{along(safe, direction)}: {told}."
     low, high = allowed.delays
     return (
         "No gain tells more. Push it faster; if that tells no more either, state the delay of the "

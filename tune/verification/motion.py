@@ -70,12 +70,17 @@ _NUDGE = 0.01
 _STILL = "the handle does not move by more than noise and a few counts"
 _LEFT = "the handle leaves a one-sided wall, or the force its limit, before a swing could be seen"
 _ONE_TURN = "the handle comes to rest within a swing, which does not tell decay from friction"
+_STOPPED = "the handle comes to rest within a swing, where the device as identified swings on"
 #: What helps where the log cannot tell.
 _STRAIGHTER = "Hold the other axes, or let go in a principal direction of the mass."
 _HANDS_OFF = "Take the hand off, and state with --release when; or cut the log to the free motion."
 _LOUDER = (
     "Release the handle from further away, without a spring push it faster, hand off, or play an "
     "element with a spring on both sides."
+)
+_IDENTIFY_AGAIN = (
+    "If no hand stopped it, friction or damping has grown: log and identify the device again, "
+    "compare the two devices, tune again, and verify that profile."
 )
 
 
@@ -250,6 +255,11 @@ def judge_motion(
         release = find_release(position, first + last + 1)
     hindrance = still if release is None else _ONE_TURN if len(release.turns) == 1 else ""
     remedy = _LOUDER
+    if release is not None and len(release.turns) <= 1:
+        start = abs(float(position[release.first] - position[-1]))
+        # Twice, for where it rests is off by what friction holds.
+        if _swings_on(device, effects, prediction, start, 2, 2.0):
+            hindrance, remedy = _STOPPED, _IDENTIFY_AGAIN
     if bent > _MOST_BENT:
         hindrance, remedy = f"{bent:.0%} of the motion goes across", _STRAIGHTER
     if release is None or hindrance:
@@ -586,15 +596,22 @@ def _displacement(
     if device.force_limit is not None and virtual:
         most = min(most, device.force_limit.continuous / virtual)
     held = device.coulomb_friction.high / binding_stiffness(device, effects)
-    low, high = prediction.frequency
     for start in sorted({min(part * deep, _NEARLY * most) for part in _DEEPER}):
-        if high == 0 and held < _CLEAR * start:
+        still = prediction.frequency[1] == 0 and held < _CLEAR * start
+        if still or _swings_on(device, effects, prediction, start, _TURNS, 1.0):
             return start
-        if low > 0:
-            left = float(np.exp(-prediction.decay[1] / (2 * low)))
-            if _amplitude(start, left, held, _TURNS) > max(held, _CLEAR * start):
-                return start
     return None
+
+
+def _swings_on(
+    device: Device, effects: Effects, prediction: Prediction, start: float, turns: int, times: float
+) -> bool:
+    """Whether a turning point is so many times beyond what holds, at most friction and decay."""
+    if prediction.frequency[0] == 0:
+        return False
+    held = device.coulomb_friction.high / binding_stiffness(device, effects)
+    left = float(np.exp(-prediction.decay[1] / (2 * prediction.frequency[0])))
+    return _amplitude(start, left, held, turns) > max(times * held, _CLEAR * start)
 
 
 def _amplitude(start: float, left: float, held: float, count: int) -> float:

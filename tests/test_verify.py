@@ -542,6 +542,13 @@ def test_what_the_controller_runs_instead_is_named(changed: dict[str, Any], word
     assert words in said(seen, "law")
 
 
+def test_a_sign_that_is_wrong_is_named_of_its_element() -> None:
+    seen = verify(STYLUS.profile, STYLUS.log("gel", 0.1, samples=300, damping=-0.8))
+    assert seen.elements == ("gel",)
+    assert "damping at -0.1 of the profile's" in said(seen, "law")
+    assert said(seen, "law").endswith("Is the sign of damping wrong?")
+
+
 @pytest.mark.parametrize("rows", [1, -1, 2])
 def test_a_shifted_force_column_is_named(rows: int) -> None:
     log = STYLUS.log("wall", 0.5, samples=1200)

@@ -196,6 +196,8 @@ def _judged(
             found.residual > max(nothing, _EXPLAINS * fit.residual) or not found.law.material
         ):
             found = None
+    if found is not None:
+        combination, fit = found.elements, fits[found.elements]
     scaled = scale_effects(effects[combination], fit.gain)
     rounded = ROUNDING * digits.noise(scaled, profile.loop)
     # A wall that is met on few rows is judged on these as well.
@@ -470,15 +472,18 @@ def _unscaled(
             for name, size in sizes.items()
             if name not in parts and not sums[name] < _MATERIAL_SIZE * columns.scale
         }
-        spread = max(parts.values()) / min(parts.values()) if min(parts.values()) > 0 else np.inf
+        each = [abs(part) for part in parts.values()]
+        spread = max(each) / min(each) if min(each) > 0 else np.inf
+        flipped = [name for name, part in parts.items() if part < 0]
         words = ", ".join(f"{name} at {part:.4g} of the profile's" for name, part in parts.items())
         words += "".join(f", a {name} of {size:.4g} besides" for name, size in extra.items())
         law = _Variant(
             words=f"the effects are not scaled alike: {words}",
             remedy="Scale all effects of an element by one gain, and check the unit of each: "
-            "velocity per second, acceleration per second squared.",
+            "velocity per second, acceleration per second squared."
+            + (f" Is the sign of {' and '.join(flipped)} wrong?" if flipped else ""),
             loop=loop,
-            material=bool(extra) or abs(spread - 1) > _MATERIAL_SIZE,
+            material=bool(extra or flipped) or abs(spread - 1) > _MATERIAL_SIZE,
         )
         kept = {name: size for name, size in sizes.items() if name in {*parts, *extra}}
         yield (len(extra), spread), _Explanation(law, combination, Effects(**kept), residual)

@@ -1,5 +1,6 @@
 """Audit and compare: what is unfit, the nearest safe values; two devices or profiles compared."""
 
+import json
 import math
 from pathlib import Path
 
@@ -355,6 +356,35 @@ def test_friction_is_felt_and_another_device_or_axis_is_named(here: Path) -> Non
     assert "feels different: coulomb friction 0.8 → 6 N (+8.5 steps)" in ended.out
     assert "not called the same: axis x → y" in ended.out
     assert "not called" not in haptune("compare", "old.yaml", "old.yaml").out
+
+
+@pytest.mark.parametrize(
+    ("factors", "offset", "told"),
+    [
+        ((1.1, 1.1, 1.1), 0.11, True),
+        ((0.8, 0.8, 0.8), 0.08, True),
+        ((1.1, 1.1, 1.1), 0.2, False),
+        ((1.1, 1.1, 1.3), 0.11, False),
+        ((1.1, 1.0, 1.0), 0.1, False),
+    ],
+)
+def test_one_factor_of_all_that_a_force_scales_is_said(
+    factors: tuple[float, ...], offset: float, told: bool, here: Path
+) -> None:
+    names, values = ("mass", "damping", "coulomb_friction"), (3.0, 10.0, 0.8)
+    new = dict(zip(names, (a * b for a, b in zip(factors, values, strict=True)), strict=True))
+    for file, known in (
+        ("old.yaml", dict(zip(names, values, strict=True)) | {"force_offset": 0.1}),
+        ("new.yaml", new | {"force_offset": offset}),
+    ):
+        sure = {
+            name: {"value": x, "low": x * 0.999, "high": x * 1.001} for name, x in known.items()
+        }
+        Path(file).write_text(to_yaml(to_mapping(_device(**sure))), encoding="utf-8")
+    words = f"; one factor of {factors[0]:.4g} explains mass, damping and friction"
+    assert (words in haptune("compare", "old.yaml", "new.yaml").out) is told
+    details = json.loads(haptune("compare", "old.yaml", "new.yaml", "--json").out)["details"]
+    assert (details["one_factor"] is not None) is told
 
 
 def test_a_profile_holds_on_its_own_device_and_on_a_better_one(profile: SafeProfile) -> None:

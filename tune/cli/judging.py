@@ -17,6 +17,7 @@ from tune.cli.preparation import refuse_restless
 from tune.cli.profiles import IN_DEVICE, draw_profile
 from tune.cli.session import LogOptions, MarginOption, Picture, Session, command
 from tune.documents import CheckFailedError
+from tune.documents.changes import one_factor
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -356,6 +357,9 @@ def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str
     told = [_felt_words(each, changes[each.name], motion) for each in found.felt if each.differs]
     lines.append(f"feels {'different: ' + ', '.join(told) if told else 'the same: no step apart'}")
     beyond = ", ".join(_plain(change.name) for change in found.changes if change.beyond)
+    factor = one_factor(found.changes)
+    scale = "explains mass, damping and friction, as a torque constant or gain of the drive would"
+    beyond += f"; one factor of {factor.value:.4g} {scale}" if factor else ""
     changed = f"changed beyond both 95 % intervals: {beyond}"
     lines += [f"not called the same: {', '.join(found.renamed)}"] if found.renamed else []
     return [*lines, changed if beyond else "nothing of the device changed beyond both intervals"]
@@ -445,6 +449,7 @@ def _comparison_details(found: Comparison) -> dict[str, object]:
         "changes": plain(found.changes),
         "effects": plain(found.effects),
         "felt": [{**asdict(each), "differs": each.differs} for each in found.felt],
+        "one_factor": one_factor(found.changes),
         "renamed": found.renamed,
         "holds": found.holds,
         "at_margin": found.at_margin,
@@ -601,6 +606,7 @@ def _verification_table(seen: Verification) -> Table:
 
 def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[str, object]:
     allowed = seen.delay.allowed
+    kept = [each for each in (seen.delay.kept, *others) if each is not None]
     return {
         "log": seen.source,
         "elements": seen.elements,
@@ -610,9 +616,5 @@ def _verification_details(seen: Verification, others: tuple[Kept, ...]) -> dict[
         "filters": seen.cutoffs,
         "delay": allowed and allowed.delays,
         "longer_delays_not_looked_at": allowed is not None and allowed.open_ended,
-        "margins": [
-            {"combination": each.elements, "lost_at": each.lost_at}
-            for each in (seen.delay.kept, *others)
-            if each is not None
-        ],
+        "margins": [{"combination": each.elements, "lost_at": each.lost_at} for each in kept],
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
+from math import inf, isclose
 
 from identification import Device, Quantity, SlopeRange
 
@@ -14,6 +15,8 @@ _QUANTITIES = ("sample_time", "mass", "damping", "coulomb_friction", "force_offs
                "presliding_stiffness")  # fmt: skip
 #: Those that a file of several axes holds as a range over axes, which says nothing of each.
 _RANGES = frozenset({"mass", "damping", "coulomb_friction", "force_offset"})
+#: Those that a wrong scale of the force multiplies, all by the same.
+_OF_THE_FORCE = _RANGES | {"position_stiffness", "damping_slope", "presliding_stiffness"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +86,28 @@ def changes_of(old: Device, new: Device) -> tuple[Change, ...]:
             name: each for name, each in sides.items() if name not in _RANGES
         }
     return stated(sides)
+
+
+def one_factor(changes: Sequence[Change]) -> Interval | None:
+    """The factor by which all that a force scales may have changed; None unless two changed so.
+
+    Of one axis only: of several each has its own drive.
+    """
+    low, high, beyond = 0.0, inf, 0
+    for each in changes:
+        if each.name not in _OF_THE_FORCE:
+            continue
+        if each.old is None or each.new is None:
+            return None
+        beyond += each.beyond
+        for a, b in ((each.old.low, each.new.high), (-each.old.high, -each.new.low)):
+            if a:  # factor·a <= b
+                low, high = (low, min(high, b / a)) if a > 0 else (max(low, b / a), high)
+            elif b < 0:
+                return None
+    if beyond > 1 and low > 0 and (low < high or isclose(low, high)):
+        return Interval(value=(low + high) / 2, low=low, high=high)
+    return None
 
 
 def renamed(old: Device, new: Device) -> tuple[str, ...]:

@@ -219,6 +219,7 @@ class CompareDetails(Details, total=False):
     changes: list[dict[str, Any]]
     effects: list[dict[str, Any]]
     felt: list[dict[str, Any]]
+    one_factor: dict[str, float] | None
     renamed: list[str]
     holds: bool | None
     at_margin: bool

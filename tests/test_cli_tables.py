@@ -42,6 +42,12 @@ def test_a_terminal_breaks_no_word_and_a_pipe_gets_no_blanks(arguments: str) -> 
     assert sorted(_words(narrow.out)) == sorted(_words(wide.out))
 
 
+def test_what_a_narrow_terminal_cannot_show_side_by_side_is_said_in_words() -> None:
+    narrow = " ".join(haptune("tune", "homerehab", "scene.yaml", COLUMNS="40").out.split())
+    assert "- gate damping: value 20 N·s/m, steps " in narrow
+    assert narrow.count(", limited by wanted") == 2
+
+
 def _words(printed: str) -> list[str]:
     """Words that are whole; rules of tables are as wide as the terminal."""
     return [word for word in printed.split() if set(word) != {"─"}]

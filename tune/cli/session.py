@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 #: Columns where no terminal says how wide it is: tables are as wide as they need to be.
 _WIDE = 200
+#: Letters of a word that a table never breaks.
+_LONG = 14
 #: Kinds of picture beside PNG, by the ending of the file.
 _VECTORS = {".svg": "svg", ".pdf": "pdf"}
 #: Counted parts of the work end a sentence so, which is what an estimate is made of.
@@ -86,7 +88,7 @@ class Session:
     logs: int = 0
 
     def say(self, text: Any) -> None:
-        """Print a text or a rich renderable for people."""
+        """Print a text, or a table: its rows in words where side by side they would be broken."""
         if self.as_json or self.quiet:
             return
         if isinstance(text, str):
@@ -94,12 +96,18 @@ class Session:
             return
         from rich.console import Console
 
+        from tune.presentation.tables import rows_in_words
+
         fixed = sys.stdout.isatty() or "COLUMNS" in os.environ
         width = None if fixed else _WIDE
         console = Console(highlight=False, markup=False, emoji=False, width=width)
-        with console.capture() as captured:
-            console.print(text)
-        lines = captured.get().splitlines()  # tables are padded to their width
+        printed, words = "", rows_in_words(text)
+        for shape in (text, words):
+            if not _short_words(words) <= _short_words(printed):
+                with console.capture() as captured:
+                    console.print(shape)
+                printed = captured.get()
+        lines = printed.splitlines()  # tables are padded to their width
         print("\n".join(line.rstrip() for line in lines), flush=True)  # noqa: T201
 
     def say_each(self, texts: Iterable[str]) -> None:
@@ -292,6 +300,12 @@ class Session:
     def _complain(self, message: str) -> None:
         name = "haptune" if self.command == "haptune" else f"haptune {self.command}"
         _print_error(f"{name}: {message}")
+
+
+def _short_words(text: str) -> set[str]:
+    """Words that no table may break; longer ones are names."""
+    words = {word.strip("-,:") for word in text.split()}
+    return {word for word in words if 0 < len(word) <= _LONG}
 
 
 def _print_error(text: str) -> None:

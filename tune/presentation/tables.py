@@ -41,6 +41,17 @@ def headed_table(
     return table
 
 
+def rows_in_words(table: Table) -> str:
+    """Title, a line a row with its heading before each cell, and caption."""
+    headings, *rows = zip(*((each.header, *each.cells) for each in table.columns), strict=True)
+    lines = [
+        f"- {str(row[0]).strip()}: "
+        + ", ".join(f"{name} {cell}" for name, cell in zip(headings[1:], row[1:], strict=True))
+        for row in rows
+    ]
+    return "\n".join(str(each) for each in (table.title, *lines, table.caption) if each)
+
+
 def units_of(motion: Motion | None) -> dict[str, str]:
     """Units by quantity; both of each where nobody stated the motion."""
     if motion is not None:

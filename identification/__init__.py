@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         Unstated,
         UnstatedError,
         UsageError,
+        counted,
         printable,
         typed,
     )
@@ -93,7 +94,7 @@ _HOMES = {
     ),
     "errors": (
         "Finding IdentificationError InvalidInputError LogRefusedError NotWrittenError "
-        "QuestionError Unstated UnstatedError UsageError printable typed"
+        "QuestionError Unstated UnstatedError UsageError counted printable typed"
     ),
     "estimators": "METHODS Method",
     "fitting": "LogFit",
@@ -121,7 +122,7 @@ __all__ += ["parse_document", "round_to_digits", "to_mapping", "to_yaml", "write
 __all__ += ["write_files", "write_text"]
 __all__ += ["Finding", "IdentificationError", "InvalidInputError", "LogRefusedError"]
 __all__ += ["NotWrittenError", "QuestionError", "Unstated", "UnstatedError", "UsageError"]
-__all__ += ["printable", "typed"]
+__all__ += ["counted", "printable", "typed"]
 __all__ += ["METHODS", "Method"]
 __all__ += ["LogFit", "poses_of"]
 __all__ += ["NotebookFigure", "devices_picture", "draw_directions", "excitation_picture"]

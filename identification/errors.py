@@ -22,6 +22,11 @@ def printable(text: str) -> str:
     )
 
 
+def counted(number: object, noun: str) -> str:
+    """A number as it is shown with the noun that it counts: 1 row, 2 rows."""
+    return f"{number} {noun}{'' if str(number) == '1' else 's'}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """One thing that is wrong, or doubtful, with a log.

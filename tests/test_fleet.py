@@ -166,7 +166,7 @@ def test_interrupted_it_says_how_many_are_done(here: Path, monkeypatch: pytest.M
     monkeypatch.setattr(identification, "write_bytes", write_or_stop)
     done = haptune(*COMMAND, "--workers", "1")
     assert done.code == 130
-    assert f"interrupted; {COUNT} of {COUNT + 1} devices are done; run it again" in done.err
+    assert f"interrupted; {COUNT} of {COUNT + 1} devices done; run it again" in done.err
 
 
 @pytest.mark.long

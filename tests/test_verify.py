@@ -210,7 +210,7 @@ def test_one_more_sample_of_delay_shows_in_the_decay() -> None:
     seen = verify(STYLUS.profile, STYLUS.log("wall", 0.5, other={"delay": 2 * T}))
     assert verdicts(seen)["law"] == "agrees"
     assert verdicts(seen)["frequency"] == "agrees"
-    assert "the delay were 1 sample(s) longer" in said(seen, "decay")
+    assert "the delay were 1 sample longer" in said(seen, "decay")
 
 
 def test_an_actuator_that_gives_too_much_shows_in_the_frequency() -> None:
@@ -467,7 +467,7 @@ def test_the_interval_of_the_delay_holds_the_true_one_and_names_what_is_lost() -
     assert delays is not None
     assert 3 <= delays[0] <= 6 <= delays[1] <= 9
     told = next(each for each in seen.disagreements if each.check == "delay")
-    assert told.predicted == "1 sample(s)"
+    assert told.predicted == "1 sample"
     assert told.seen == f"{delays[0]:.3g} to {delays[1]:.3g} samples"
 
 

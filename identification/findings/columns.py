@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from identification.device.hardware import Hardware
-from identification.errors import Finding, InvalidInputError, refusal
+from identification.errors import Finding, InvalidInputError, counted, refusal
 from identification.estimators.motion import running_maximum, running_range
 from identification.estimators.signals import LOST, position_noise
 from identification.findings.force_balance import balance_of
@@ -101,10 +101,10 @@ def _lost(trajectory: Trajectory, steps: FloatArray, long: BoolArray) -> Iterato
     yield Finding(
         code="dropped-samples",
         severity="refusal" if refused else "warning",
-        seen=f"{trajectory.source} has {int(long.sum())} gaps, about {lost} samples lost "
-        f"({share:.1%}), the first after {trajectory.time[first]:g} s, the longest "
-        f"{longest * 1e3:.4g} ms at a usual step of {median * 1e3:.4g} ms, in which the speed "
-        f"may change by {hidden:.3g} times its rms",
+        seen=f"{trajectory.source} has {counted(long.sum(), 'gap')}, about "
+        f"{counted(lost, 'sample')} lost ({share:.1%}), the first after "
+        f"{trajectory.time[first]:g} s, the longest {longest * 1e3:.4g} ms at a usual step of "
+        f"{median * 1e3:.4g} ms, in which the speed may change by {hidden:.3g} times its rms",
         needed=f"at most {_MOST_LOST:.0%} lost, and {_LONGEST_GAP:g} times its rms in any gap"
         if refused
         else f"no step above {LOST * median * 1e3:.4g} ms",

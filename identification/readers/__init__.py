@@ -34,6 +34,7 @@ from identification.errors import (
     InvalidInputError,
     LogRefusedError,
     QuestionError,
+    counted,
     printable,
     refusal,
     typed,
@@ -225,7 +226,7 @@ def _without_copies(
     if not again.any() or not np.all(np.diff(found["time"][~again]) > 0):
         return found, ()
     kept = {role: column[~again] for role, column in found.items()}
-    return kept, (f"{np.count_nonzero(again)} rows written twice left out",)
+    return kept, (f"{counted(np.count_nonzero(again), 'row')} written twice left out",)
 
 
 def _refuse_clock(trajectory: Trajectory, column: str) -> None:

@@ -18,7 +18,7 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, counted
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
@@ -486,7 +486,7 @@ def _value(path: Path, field: _Field, message: Any) -> Any:
     if hasattr(found, "nanosec"):
         return found
     if isinstance(found, bool) or not isinstance(found, (int, float)):
-        what = f"{len(_items(found))} values" if _items(found) else "no number"
+        what = counted(len(_items(found)), "value") if _items(found) else "no number"
         problem = f"field '{quote(field.parts[-1][0])}' of {quote(field.topic)} holds {what}"
         remedy = "Name a field of one number, with its index in brackets where there are several"
         raise InvalidInputError(path, problem, remedy)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from identification.errors import InvalidInputError, QuestionError, UsageError, printable
+from identification.errors import InvalidInputError, QuestionError, UsageError, counted, printable
 from identification.trajectory import FloatArray, Motion
 
 #: Over five hours at 1 kHz; more tells nothing new of one axis. 160 MB a column.
@@ -146,7 +146,7 @@ class LogColumns:
         sizes = {role: len(each) for role, each in {**parts, "axis": listed}.items()}
         odd = [role for role, size in sizes.items() if size != count and parts.get(role) != ("",)]
         if odd:
-            problem = f"names {sizes[odd[0]]} for {count} forces"
+            problem = f"names {sizes[odd[0]]} for {counted(count, 'force')}"
             raise InvalidInputError(f"--{odd[0]}", problem, "Give one of each for every axis")
         for role in ("force", "position"):
             twice = next((each for each in parts[role] if parts[role].count(each) > 1), None)

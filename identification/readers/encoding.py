@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, counted
 
 #: How packed streams begin; a reader of text would unpack some of them by itself.
 _PACKED = {
@@ -96,7 +96,7 @@ def refuse_zeros(path: Path, content: bytes) -> None:
     line = content.count(b"\n", 0, first) + 1
     raise InvalidInputError(
         path,
-        f"holds {count} NUL byte{'' if count == 1 else 's'}, the first in line {line}: it is "
+        f"holds {counted(count, 'NUL byte')}, the first in line {line}: it is "
         "no text, or was cut off while it was written",
         "Log or export it again" + (f", or keep the lines before line {line}" * (line > 1)),
     )

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from identification.errors import InvalidInputError
+from identification.errors import InvalidInputError, counted
 from identification.readers.columns import (
     FloatArray,
     LogColumns,
@@ -158,7 +158,7 @@ def find_table(path: Path, lines: Sequence[str], columns: LogColumns) -> Table |
     if named is not None and named.header:
         raise InvalidInputError(
             path,
-            f"has {named.header} line{'' if named.header == 1 else 's'} above its header, which "
+            f"has {counted(named.header, 'line')} above its header, which "
             f"stands in line {named.header + 1}; the first is '{quote(lines[0])}'",
             "Delete the lines above the header",
         )
@@ -269,7 +269,7 @@ def _laid_out(
         names[place] = _with_unit(path, role, names[place], text)
     notes: list[str] = []
     if header:
-        notes.append(f"{header} line{'' if header == 1 else 's'} above the header left out")
+        notes.append(f"{counted(header, 'line')} above the header left out")
     if units:
         notes.append("a row of units")
     if first - (1 if units else 0) > 0 and any(_is_comment(row) for row in below[:first]):
@@ -450,7 +450,7 @@ def read_samples(path: Path, content: bytes, table: Table) -> Reading:
         body = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", body)
         body, separator = re.sub(rb"[ \t]+", b"\t", body), "\t"
     values, clock, blank = _numbers(path, body, separator, table, stored, **options)
-    skipped = (f"{blank} blank line{'' if blank == 1 else 's'} left out",) if blank else ()
+    skipped = (f"{counted(blank, 'blank line')} left out",) if blank else ()
     notes = (*table.notes, *skipped)
     return Reading(values=values, names=table.wanted, notes=notes, in_seconds=clock)
 

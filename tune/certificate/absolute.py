@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import counted
 from tune.certificate.affine import (
     ROUNDING,
     AffineForm,
@@ -366,10 +367,11 @@ def judge_switched(
             "proves it stable so"
         )
     gain, extra = witness.gain, witness.extra_delay_samples
+    late = counted(f"{extra:.6g}", "extra sample")
     if not gain >= margin.gain or extra != margin.extra_delay_samples:
         raise refused(
-            f"absolute_stability says a gain of {gain:.6g} with {extra:.6g} extra samples, the "
-            f"margin asks for {margin.gain:.6g} with {margin.extra_delay_samples}"
+            f"absolute_stability says a gain of {gain:.6g} with {late}, the margin "
+            f"asks for {margin.gain:.6g} with {margin.extra_delay_samples}"
         )
     sum_, claim, cells = _nonlinear_parts(design, combination), Claim(gain=gain, extra=extra), 0
     modes = len(design.device.modes)
@@ -386,7 +388,7 @@ def judge_switched(
             except ValueError as error:
                 words = (
                     f"{region.words(combination)}: not proved stable with its clamps up to a gain "
-                    f"of {gain:.6g} with {extra:.6g} extra samples of delay: {error}. {_REMEDY}"
+                    f"of {gain:.6g} with {late} of delay: {error}. {_REMEDY}"
                 )
                 raise CheckFailedError((words,), spent=isinstance(error, _SpentError)) from None
     gated, steady = (_GATED,) if sum_.damping else (), (_STEADY,) if sum_.steady else ()

@@ -9,6 +9,7 @@ from functools import cache, lru_cache
 import numpy as np
 from flint import arb_poly
 
+from identification import counted
 from tune.certificate.affine import ComplexArray, FloatArray
 from tune.certificate.poles import law_in_doubles, law_of, precision, sampled_plant, shift_to_one
 from tune.certificate.region import Point, Region, Setting, regions_of
@@ -220,8 +221,8 @@ def passivity_failures(
         needed = damping_for_passivity(setting, float(step), whole)
         if not damping > needed * (1 - _SHORT_OF):
             return [
-                f"{claimed[0]}: claims passivity with a delay of {whole} samples, but a damping "
-                f"of {damping:.6g} is too little, {needed:.6g} is needed"
+                f"{claimed[0]}: claims passivity with a delay of {counted(whole, 'sample')}, but "
+                f"a damping of {damping:.6g} is too little, {needed:.6g} is needed"
             ]
     return []
 

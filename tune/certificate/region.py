@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification import counted
 from tune.certificate.affine import FloatArray
 from tune.documents.profile import Design, HandBox, HandPlace
 from tune.documents.scene import EFFECT_NAMES
@@ -63,7 +64,7 @@ class Point:
             f"mass {self.mass:.6g}",
             f"damping {self.damping:.6g}",
             f"sample time {self.sample_time:.6g} s",
-            f"delay {self.delay_samples:.6g} samples",
+            f"delay {counted(f'{self.delay_samples:.6g}', 'sample')}",
         ]
         if self.position_stiffness:
             parts.append(f"position stiffness {self.position_stiffness:.6g}")

@@ -153,7 +153,8 @@ def fleet_command(
             session.target(output / name, manifest, scene, hardware)
     rows, sealed = _known(session, output, jobs)
     left = [place for place, row in enumerate(rows) if row is None]
-    session.say(f"{len(jobs)} devices, {len(jobs) - len(left)} of them done before")
+    all_ = ident.counted(len(jobs), "device")
+    session.say(f"{all_}, {len(jobs) - len(left)} done before")
     session.details |= {"devices": len(jobs), "done_before": len(jobs) - len(left)}
     if dry_run:
         session.say_each(f"dry run: {jobs[place].entry.name} would be done" for place in left)
@@ -165,7 +166,7 @@ def fleet_command(
             place = left[turn]
             _store(output, jobs[place].entry.name, sealed[place], row, text)
             rows[place] = row
-            done_now = f"{len(jobs) - len(left) + number} of {len(jobs)} devices are done"
+            done_now = f"{len(jobs) - len(left) + number} of {all_} done"
             session.so_far = f"{done_now}; run it again for the rest"
             say(f"calibrating {jobs[place].entry.name} and others ({number} of {len(left)})")
     _conclude(session, f"Fleet of {manifest.name}", output, cast("list[dict[str, Any]]", rows))
@@ -206,7 +207,8 @@ def _conclude(session: Session, title: str, output: Path, rows: list[dict[str, A
     if refused:
         told = [f"{row['name']} ({row['exit_code']}): {row['sentence']}" for row in refused]
         more = [f"and {len(told) - _MOST_TOLD} more"] if len(told) > _MOST_TOLD else []
-        first = f"{len(refused)} of {len(rows)} devices have no profile; {output / _TABLE} says why"
+        all_ = ident.counted(len(rows), "device")
+        first = f"{len(refused)} of {all_} without a profile; {output / _TABLE} says why"
         sentence = "\n".join([first, *told[:_MOST_TOLD], *more])
         raise DevicesRefusedError(sentence, refused[0]["exit_code"])
 

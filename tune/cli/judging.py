@@ -520,7 +520,7 @@ def verify_command(
     )
     session.say_each(
         f"it does not tell this of {'+'.join(each.elements)}: were the delay "
-        f"{each.lost_at:.3g} samples, the margin would be lost"
+        f"{ident.counted(f'{each.lost_at:.3g}', 'sample')}, the margin would be lost"
         for each in others
         if each.lost_at is not None
     )

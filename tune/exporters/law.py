@@ -12,7 +12,7 @@ import unicodedata
 from collections.abc import Iterable
 from itertools import chain, count
 
-from identification import ForceLimit, InvalidInputError
+from identification import ForceLimit, InvalidInputError, counted
 from tune.documents.profile import ElementProfile, SafeProfile
 
 #: The line through two readings, each rounded to a count, and the rounding of the third.
@@ -157,10 +157,10 @@ def heading(profile: SafeProfile) -> tuple[str, ...]:
         f"device: {short(device.name)}, axis {short(device.axis)}, {device.motion}; "
         f"scene {short(profile.scene)}",
         f"margin: {margin.name}: stable for every gain in (0, {seal.gain:g}] with up to "
-        f"{seal.extra_delay_samples:g} extra samples of delay",
+        f"{counted(f'{seal.extra_delay_samples:g}', 'extra sample')} of delay",
         f"certified for: mass {between(seal.mass)} {'kg*m^2' if rotary else 'kg'}, damping "
         f"{between(seal.damping)} {'N*m*s/rad' if rotary else 'N*s/m'}, sample time "
-        f"{between(seal.sample_time)} s, delay {between(seal.delay_samples)} samples "
+        f"{between(seal.sample_time)} s, delay {counted(between(seal.delay_samples), 'sample')} "
         f"(together {100 * seal.confidence:g} %)",
         f"force limit: {limit.continuous:g} {force} continuous, {limit.peak:g} {force} peak",
         *(

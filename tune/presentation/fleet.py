@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import counted
 from tune.documents.scene import EFFECT_NAMES, UNITS
 from tune.optimisation.study import QUANTITIES
 from tune.presentation.tables import headed_table, plain_number
@@ -105,8 +106,8 @@ def _middle(value: FloatArray) -> tuple[float, float]:
 def fleet_verdicts(frame: polars.DataFrame, unlike: tuple[Unlike, ...]) -> tuple[str, ...]:
     """How many devices have a profile, and how many are not like the others."""
     refused = frame.filter(frame["exit_code"] != 0)
-    several = "" if len(frame) == 1 else "s"
-    first = f"{len(frame) - len(refused)} of {len(frame)} device{several} tuned and proved safe"
+    all_ = counted(len(frame), "device")
+    first = f"{len(frame) - len(refused)} of {all_} tuned and proved safe"
     first += f"; {len(refused)} refused, and without a profile" if len(refused) else ""
     named = sorted({each.device for each in unlike})
     if not named:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from identification import counted
 from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import EFFECT_NAMES, UNITS
 
@@ -63,7 +64,7 @@ def verdict_on(profile: SafeProfile) -> str:
     """What is proved of a profile, in one sentence."""
     seal = profile.certificate
     devices = "device the log allows" if profile.device.logs else "device within its intervals"
-    late = f"{seal.extra_delay_samples:g} more sample{'' if seal.extra_delay_samples == 1 else 's'}"
+    late = counted(f"{seal.extra_delay_samples:g}", "more sample")
     hand = ", in every hand and in none" if seal.hand else ""
     return (
         f"safe: proved for every {devices}, up to {seal.gain:g} times the gain and with {late} of "
@@ -232,8 +233,7 @@ def candidates_lines(
     lines: list[str] = []
     for each in found:
         margin, profile = MARGINS[each.margin], each.profile
-        late = margin.extra_delay_samples
-        samples = f"{late} extra sample{'' if late == 1 else 's'} of delay"
+        samples = f"{counted(margin.extra_delay_samples, 'extra sample')} of delay"
         result = (
             str(each.error) if profile is None else f"filters: {filters_in_words(profile.loop)}"
         )
@@ -258,11 +258,12 @@ def certificate_lines(certificate: Certificate) -> tuple[str, ...]:
     return (
         f"proved for every device: mass {certificate.mass[0]:.6g} to {certificate.mass[1]:.6g}, "
         f"damping {certificate.damping[0]:.6g} to {certificate.damping[1]:.6g}{spring} (together "
-        f"{100 * certificate.confidence:g} %), delay {delay} samples and up to "
+        f"{100 * certificate.confidence:g} %), delay {counted(delay, 'sample')} and up to "
         f"{certificate.extra_delay_samples:g} more, every gain in (0, {certificate.gain:g}]"
         + "".join(f", {part}" for part in beside),
-        f"{certificate.cells} cells excluded, {certificate.points} points judged; slowest of them: "
-        f"{' + '.join(worst.elements)}, pole radius 1 - {1 - worst.pole_radius:.2g}",
+        f"{counted(certificate.cells, 'cell')} excluded, {counted(certificate.points, 'point')} "
+        f"judged; slowest of them: {' + '.join(worst.elements)}, pole radius 1 - "
+        f"{1 - worst.pole_radius:.2g}",
         "not assessed: " + "; ".join(certificate.not_assessed),
     )
 
@@ -436,8 +437,8 @@ def relative_half_width(quantity: Quantity) -> float | None:
 def audit_table(found: Audit) -> Table:
     """Everything that was computed, with what is needed of it."""
     design = found.design
-    delay = design.loop.extra_delay_samples
-    title = f"{design.device.name}, delay {delay:g} sample{'' if delay == 1 else 's'}"
+    delay = counted(f"{design.loop.extra_delay_samples:g}", "sample")
+    title = f"{design.device.name}, delay {delay}"
     title += f", margin {design.margin.name}"
     table = headed_table(title, ("what", "seen", "needed"))
     for row in _audit_rows(found):

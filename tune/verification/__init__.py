@@ -21,6 +21,7 @@ from identification import (
     Trajectories,
     Trajectory,
     UsageError,
+    counted,
     typed,
 )
 from tune.certificate.certify import refuse_unbalanced
@@ -422,7 +423,7 @@ def _ripple(
     moving = np.abs(position[_ORDER:] - position[:-_ORDER]) > _ORDER * _SLOWEST * resolution
     count = int(np.count_nonzero(moving))
     if count < _FEWEST_ROWS:
-        why = f"the handle moves by half a count a sample or more for {count} rows only"
+        why = f"the handle moves by half a count a sample or more for {counted(count, 'row')} only"
         return unassessed_outcome("ripple", why, rows=count)
     seen = predicted * rms(np.diff(force, _ORDER)[moving]) / of_differences
     return compared(

@@ -19,7 +19,7 @@ from itertools import chain, count, product
 
 import numpy as np
 
-from identification import Device, quantity
+from identification import Device, counted, quantity
 from tune.certificate.certify import refuse_unbalanced
 from tune.certificate.claims import excess_over_request, impedances
 from tune.certificate.region import setting_of
@@ -319,9 +319,10 @@ def unknown_delay(why: str) -> MeasuredDelay:
 def _outcome(profile: Design, allowed: ConsistentLoops, kept: Kept) -> Outcome:
     def in_words(delays: Range) -> str:
         low, high = delays
-        return f"{low:.3g} sample(s)" if low == high else f"{low:.3g} to {high:.3g} samples"
+        return counted(f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}", "sample")
 
     margin = profile.margin
+    late = counted(f"{margin.extra_delay_samples:g}", "sample")
     numbers = {
         "predicted_low": allowed.stated[0],
         "predicted_high": allowed.stated[1],
@@ -338,7 +339,7 @@ def _outcome(profile: Design, allowed: ConsistentLoops, kept: Kept) -> Outcome:
     else:
         seen = in_words(allowed.delays) + (" or more" if allowed.open_ended else "")
         numbers |= {"seen_low": allowed.delays[0], "seen_high": allowed.delays[1]}
-        claim = f"gain {margin.gain:g} and {margin.extra_delay_samples:g} sample(s) kept at each"
+        claim = f"gain {margin.gain:g} and {late} kept at each"
         if not allowed.allow_stated:
             remedy = "Correct the delay of the device, and tune again."
         elif kept.lost_at is not None:

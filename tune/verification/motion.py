@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import Device, quantity
+from identification import Device, counted, quantity
 from tune.documents.profile import Design, LoopProfile
 from tune.documents.scene import DEFAULT_MOTION, UNITS, Effects
 from tune.loop.loop import Loop, filters_of
@@ -448,7 +448,7 @@ def _sprung_decay_outcome(
         per_speed = f"{unit}·s/{'rad' if device.motion == 'rotary' else 'm'}"
         parts.append(f"the damping were {missing / per_damping:+.3g} {per_speed} off")
     if 0 < missing * per_sample < _MOST_SAMPLES * per_sample**2:
-        parts.append(f"the delay were {missing / per_sample:.2g} sample(s) longer")
+        parts.append(f"the delay were {counted(f'{missing / per_sample:.2g}', 'sample')} longer")
     if parts:
         remedy += f" As if {' or '.join(parts)}."
     found = _decay_outcome(measured, turns, prediction, apart, remedy)

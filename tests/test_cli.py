@@ -48,6 +48,7 @@ def _here(here: Path) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_lists_exactly_the_options_there_are(command: str) -> None:
     ended = haptune(command, "--help")
+    assert ("--picture" in ended.out) == ("PNG, SVG or PDF" in " ".join(ended.out.split()))
     assert ended.code == 0
     options = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", ended.out))
     assert options == {*COMMANDS[command].split(), "--help"}

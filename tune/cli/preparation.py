@@ -191,7 +191,7 @@ def excite_command(
         Path, Option("-o", "--output", help="Where to write the force (CSV).")
     ] = Path("force.csv"),
     picture: Annotated[
-        Path | None, Option(help="Where to draw force and predicted motion (PNG).")
+        Path | None, Option(help="Where to draw force and predicted motion (PNG, SVG or PDF).")
     ] = None,
     dry_run: DryRun = False,
 ) -> None:

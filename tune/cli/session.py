@@ -420,7 +420,7 @@ Allow = Annotated[
 MethodOption = Annotated[Method, Option(help="Estimator.")]
 MarginOption = Annotated[
     Literal["conservative", "balanced", "firm"] | None,
-    Option(help="Margin; default the scene's, balanced without one."),
+    Option(help="Margin; default that of the scene or profile, else balanced."),
 ]
 Candidates = Annotated[
     bool,

@@ -17,7 +17,6 @@ from tune.cli.preparation import refuse_restless
 from tune.cli.profiles import IN_DEVICE, draw_profile
 from tune.cli.session import LogOptions, MarginOption, Picture, Session, command
 from tune.documents import CheckFailedError
-from tune.documents.changes import one_factor
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -306,6 +305,7 @@ def compare_command(
     picture: Picture = None,
 ) -> None:
     """Is it safe still, proved or not, and felt alike; ends with 6 if the old profile fails."""
+    from tune.documents.changes import one_factor
     from tune.judging import compare
 
     names = (old, new, *(later or ()))
@@ -321,8 +321,11 @@ def compare_command(
     }
     motion = _device_of(first).motion
     table = _comparison_table(found, old, names[-1], motion)
-    session.details |= _comparison_details(found)
-    verdicts = _verdicts(found, old, names[-1], motion)
+    factor = one_factor(found.changes)
+    session.details |= _comparison_details(found) | {"one_factor": factor}
+    scale = "explains mass, damping and friction, as a torque constant or gain of the drive would"
+    why = f"; one factor of {factor.value:.4g} {scale}" if factor else ""
+    verdicts = _verdicts(found, why, old, names[-1], motion)
     session.say_each(verdicts)
     session.say(table)
     session.draw(picture, lambda: ident.devices_picture(devices))
@@ -340,7 +343,7 @@ def _device_of(item: Device | SafeProfile) -> Device:
     return item if isinstance(item, ident.Device) else item.device
 
 
-def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str]:
+def _verdicts(found: Comparison, why: str, old: str, new: str, motion: Motion) -> list[str]:
     """Safe or not proved, where a profile was judged; what feels different; what changed."""
     lines: list[str] = []
     if found.holds:
@@ -357,10 +360,7 @@ def _verdicts(found: Comparison, old: str, new: str, motion: Motion) -> list[str
     told = [_felt_words(each, changes[each.name], motion) for each in found.felt if each.differs]
     lines.append(f"feels {'different: ' + ', '.join(told) if told else 'the same: no step apart'}")
     beyond = ", ".join(_plain(change.name) for change in found.changes if change.beyond)
-    factor = one_factor(found.changes)
-    scale = "explains mass, damping and friction, as a torque constant or gain of the drive would"
-    beyond += f"; one factor of {factor.value:.4g} {scale}" if factor else ""
-    changed = f"changed beyond both 95 % intervals: {beyond}"
+    changed = f"changed beyond both 95 % intervals: {beyond}{why}"
     lines += [f"not called the same: {', '.join(found.renamed)}"] if found.renamed else []
     return [*lines, changed if beyond else "nothing of the device changed beyond both intervals"]
 
@@ -449,7 +449,6 @@ def _comparison_details(found: Comparison) -> dict[str, object]:
         "changes": plain(found.changes),
         "effects": plain(found.effects),
         "felt": [{**asdict(each), "differs": each.differs} for each in found.felt],
-        "one_factor": one_factor(found.changes),
         "renamed": found.renamed,
         "holds": found.holds,
         "at_margin": found.at_margin,

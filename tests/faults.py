@@ -517,6 +517,16 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/optimisation/limits.py",
+        "tests/test_felt_band.py -k late_spring",
+        ("damping that a spring takes away", "= -given / ((1 -", "= -given[~IN_MOTION] / ((1 -"),
+    ),
+    *_of(
+        "tune/optimisation/cutoffs.py",
+        "tests/test_cutoffs.py -k is_dropped",
+        ("a stated filter of what is dropped", "if mine.used and not", "if mine.free and not"),
+    ),
+    *_of(
+        "tune/optimisation/limits.py",
         "tests/test_wishes.py -k taken_away",
         ("a wanted value that a device cannot lose", " or self.high < abs(self.wish.high)", ""),
     ),

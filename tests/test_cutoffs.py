@@ -24,6 +24,15 @@ def test_a_filter_that_is_fixed_stays_while_the_other_is_found() -> None:
     assert 20 < (found.acceleration_filter_hz or 0.0) < 60
 
 
+def test_a_cut_off_of_a_mass_that_is_dropped_is_nothing_to_the_other() -> None:
+    loop = {"acceleration_filter": "low-pass", "acceleration_filter_hz": 20.8}
+    wanted = {"margin": "firm", "elements": {"cup": {"mass": 0.594, "damping": "min"}}}
+    found = optimise(load_device("homerehab"), Scene.model_validate({**wanted, "loop": loop}))
+    assert [word for word in found.notes if word.startswith("cup.mass dropped")]
+    assert found.loop.acceleration_filter_hz is None
+    assert found.elements["cup"].damping < 0
+
+
 def test_no_filter_where_none_is_needed() -> None:
     """Ten times the ripple allowed: a wanted damper is felt best as it is."""
     assert _chosen({"water": {"damping": 10.0}}, ripple_limit=1.0).velocity_filter_hz is None

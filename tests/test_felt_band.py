@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import load_device
+from identification import load_device, quantity
 from tests.felt import HERTZ, MOTION, beyond, felt
 from tune import SafeProfile, Scene, check, optimise
 
@@ -92,6 +92,19 @@ def test_effects_raised_together_keep_to_it_with_any_filters(
     )
     assert _broken(device, profile) == []
     assert profile.elements["it"].perceived_steps
+
+
+def test_a_late_spring_takes_no_more_damping_than_there_is() -> None:
+    """One step less than so little damping would be below none."""
+    late = {"damping": quantity(0.27), "delay": quantity(0.003)}
+    device = load_device("stylus").model_copy(update=late)
+    element = {"stiffness": "max", "mass": "max"}
+    wanted = Scene.model_validate({"margin": "firm", "elements": {"it": element}})
+    profile = optimise(device, wanted)
+    it = profile.elements["it"]
+    assert it.stiffness > 75
+    seen = felt(device, profile.loop, it.stiffness, it.damping, it.mass)
+    assert 0 <= 0.27 + seen.damping.min() < 0.01
 
 
 def test_a_damper_does_not_repay_the_damping_of_a_mass_by_its_lag() -> None:

@@ -80,7 +80,8 @@ def choose_filters(
         if gone == done or not (fewer := _search_of(task, say, gone)).free:
             continue
         found, done = fewer.best(), gone
-        idle = [DERIVATIVES[index] for index in search.free if index not in fewer.free]
+        axes = zip(DERIVATIVES, search.axes, fewer.axes, strict=True)
+        idle = [which for which, mine, its in axes if mine.used and not its.used]
         names = [f"{which}_filter{end}" for which in idle for end in ("", "_hz", "_order")]
         used = (filter_of(found, which) for which in DERIVATIVES if which not in idle)
         names += ["filter_damping_ratio"] * all(each.order < 2 for each in used)
@@ -122,7 +123,7 @@ def _search_of(
     velocity = loop.velocity_filter_hz if with_velocity else "none"
     acceleration = loop.acceleration_filter_hz if "mass" in wishes else "none"
     axes = CutoffAxis.of(velocity, nyquist), CutoffAxis.of(acceleration, nyquist)
-    there = [1.0 if axis.free or axis.fixed else None for axis in axes]
+    there = [1.0 if axis.used else None for axis in axes]
     kinds: dict[Filters, None] = {}
     for ratio, pair in product(loop.ratios(), product(*map(loop.kinds, DERIVATIVES))):
         settings: dict[str, Any] = {"velocity_window_samples": windowed}

@@ -237,8 +237,8 @@ def renderings(
     """Mass and damping felt of every element against what it asks for, as limits or as rows.
 
     In motions damping within one step and mass within a factor `_ALIKE`, or a step where none is
-    asked for. Beyond, mass from none to twice of it, no negative damping with the device's own, and
-    of parasitic damping no more than a step and the mass's own impedance (docs/theory.md, 8).
+    asked for. Beyond, mass from none to twice of it and of parasitic damping no more than a step
+    and the mass's own impedance; with the device's own no damping is negative (docs/theory.md, 8).
     Nobody moves in a wall, which asks for nothing of it; the profile says what is felt of one.
     """
     turn = 2 * np.pi * PLACES
@@ -268,7 +268,7 @@ def renderings(
                 continue
             most = given.copy() if felt == "damping" else given[IN_MOTION]
             if felt == "damping":
-                rows = -given[~IN_MOTION] / ((1 - _KEPT) * own.reference)
+                rows = -given / ((1 - _KEPT) * own.reference)
                 yield Proportion(rows=rows, telling=_telling(rows, units))
                 if mass is not None:
                     most[~IN_MOTION, mass] -= turn[~IN_MOTION]

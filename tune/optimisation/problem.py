@@ -585,6 +585,11 @@ class CutoffAxis:
         """Whether there is more than one choice."""
         return len(self.first) > 1
 
+    @property
+    def used(self) -> bool:
+        """Whether there may be a filter."""
+        return self.free or self.fixed is not None
+
     def place(self, hertz: float | None) -> float:
         """Where a cut-off is, as written, rounded up at most; beyond all of them for no filter."""
         return min(math.log(hertz), self.first[-2]) if self.free and hertz else self.first[-1]

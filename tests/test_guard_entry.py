@@ -185,8 +185,9 @@ def entered_without_a_blow(scene: Played, name: str) -> None:
 
 def left_slower(scene: Played, name: str) -> None:
     """A spring that fades in under a swing gives work, which it takes back as it fades out."""
-    speed = scene.profile.elements[name].motion.speed
-    one = scene.bit(name)
+    element = scene.profile.elements[name]
+    speed, one = element.motion.speed, scene.bit(name)
+    left = 1500 + round(element.fade_time / scene.profile.loop.sample_time)
     for end in range(BEFORE, BEFORE + 1500, 35):
         run = played(
             scene.guard,
@@ -194,11 +195,11 @@ def left_slower(scene: Played, name: str) -> None:
             lambda k, _, end=end: one if k < end else 0,
             place=0.0,
             speed=speed,
-            periods=end + 1500,
+            periods=end + left,
             faces={one: (0.0, 1)},
         )
         after = np.flatnonzero(run.force)[-1] + 1
-        assert after < end + 1500
+        assert after < end + left
         assert abs(run.speed[after]) < speed
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from tune.documents.scene import Effects
 from tune.loop.loop import Filters, used_filters
@@ -151,48 +153,60 @@ def solve_groups(
 def with_room_regained(solutions: Sequence[Solution]) -> list[Solution]:
     """Solutions in which each size that a proof held back is as large as its proof allows.
 
-    All that are met were made smaller together, until what moves least was proved; one after the
-    other, that of the fewest steps first, they are raised as far as the limits and the multipliers
-    at hand go.
+    All that are met were made smaller together, until what moves least was proved. Elements, that
+    of the fewest steps first, then their effects one by one are raised as far as the limits and the
+    multipliers at hand go, and again where that left room.
     """
-    found = list(solutions)
-    held = [
-        (unknown.steps(float(solved.sizes[index])), place, index, unknown)
-        for place, solved in enumerate(found)
-        for index, unknown in enumerate(solved.problem.unknowns)
-        if index in solved.stepped_back
-    ]
-    for _, place, index, unknown in sorted(held, key=lambda each: each[:3]):
-        own = found[place]
-        low = float(own.sizes[index])
-        trial = high = most = largest_allowed(own.problem, own.sizes, index) * (1 - _BELOW)
-        for _ in range(_HALVINGS):
-            if trial <= low * (1 + _LEAST_RAISE):
-                break
-            raised = _proved_with(found, unknown, unknown.rounded_at(unknown.steps(trial)))
-            if raised is None:
-                high = trial
-            else:
-                found, low = raised, trial
-            if low >= most:
-                break
-            trial = math.sqrt(low * high)
+    found, before = list(solutions), list[Solution]()
+    while found is not before:
+        before = found
+        for place, solved in enumerate(before):
+            units = {index: solved.problem.unknowns[index] for index in solved.stepped_back}
+            steps = {index: units[index].steps(float(found[place].sizes[index])) for index in units}
+            alone = [(index,) for index in sorted(units, key=steps.__getitem__)]
+            names = dict.fromkeys(units[index].element for (index,) in alone)
+            whole = [tuple(i for i in units if units[i].element == name) for name in names]
+            for indices in [each for each in whole if len(each) > 1] + alone:
+                found = _raised(found, place, indices)
+    return found
+
+
+def _raised(solutions: list[Solution], place: int, indices: Sequence[int]) -> list[Solution]:
+    """The solutions with some sizes of one larger by the same factor, as far as they are proved."""
+    found, own = solutions, solutions[place]
+    sizes = {index: float(own.sizes[index]) for index in indices}
+    ends = [largest_allowed(own.problem, own.sizes, index) / sizes[index] for index in indices]
+    low, trial = 1.0, 1 + _LEAST_RAISE
+    high = most = min(ends) * (1 - _BELOW)
+    for number in range(_HALVINGS):
+        if not low < trial <= most:
+            break
+        larger = {own.problem.unknowns[index]: size * trial for index, size in sizes.items()}
+        raised = _proved_with(found, larger)
+        if raised is not None:
+            found, low = raised, trial
+        elif number:
+            high = trial
+        else:
+            break
+        trial = math.sqrt(low * high) if number else most
     return found
 
 
 def _proved_with(
-    solutions: Sequence[Solution], unknown: Unknown, size: float
+    solutions: Sequence[Solution], larger: Mapping[Unknown, float]
 ) -> list[Solution] | None:
-    """The solutions with another size of one effect, if the multipliers at hand prove them all."""
+    """The solutions with other sizes of some effects, if the multipliers at hand prove them all."""
     from tune.optimisation.saturation import prove_combinations
 
+    rounded = {u.label: u.rounded_at(u.steps(size)) for u, size in larger.items()}
     found = [*solutions]
     for place, solved in enumerate(solutions):
         labels = [each.label for each in solved.problem.unknowns]
-        if not solved.sizes.size or unknown.label not in labels:
+        if not solved.sizes.size or rounded.keys().isdisjoint(labels):
             continue
-        sizes = solved.sizes.copy()
-        sizes[labels.index(unknown.label)] = size
+        pairs = zip(labels, solved.sizes.tolist(), strict=True)
+        sizes = np.array([rounded.get(label, size) for label, size in pairs])
         if not feasible_points(solved.problem, sizes[None])[0]:
             return None
         absolute = prove_combinations(solved.problem, sizes, solved.absolute, ())

@@ -58,9 +58,10 @@ def test_one_that_is_not_what_the_others_are_is_proved_by_itself() -> None:
 def test_what_is_told_of_one_is_told_of_all_that_are_alike() -> None:
     """Pairs that are kept apart, what is dropped, and what is less than was wanted."""
     one = {"water": {"damping": 8.0}, "wall": WALL, "dust": {"damping": 0.01}}
-    few = tuned(one, "stylus", loop=FIXED | {"velocity_filter_hz": "free"})
+    loop = FIXED | {"velocity_filter_hz": "free"}
+    few = tuned(one, "stylus", loop=loop)
     both = {f"{name}{k}": element for k in (1, 2) for name, element in one.items()}
-    many = tuned(both, "stylus", loop={})
+    many = tuned(both, "stylus", loop=loop)
     assert few.apart == (("water", "wall"),)
     assert {frozenset(pair) for pair in many.apart} == {
         frozenset((f"wall{i}", f"water{j}")) for i in (1, 2) for j in (1, 2)

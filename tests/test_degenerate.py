@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from identification import Device, ForceLimit, as_stored, load_device, quantity, to_mapping, to_yaml
 from tests.commands import Ended, haptune
 from tests.thinned import thinned
-from tune import load_profile
+from tune import Scene, load_profile, optimise
+from tune.certificate.check import check_content
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -87,9 +88,10 @@ def test_the_ripple_of_a_spring_on_a_device_that_hardly_damps_is_found_anew() ->
     facts = {"mass": 123.556188521, "damping": 0.511781576241, "sample_time": 2.16457136674e-5}
     facts |= {"delay": 1.731657093392e-4, "encoder_resolution": 4.32842579243e-6}
     device = _device(**{name: quantity(value) for name, value in facts.items()})
-    assert _tuned(device, "elements: {it: {stiffness: 1123.41, penetration: 0.001}}\n").code == 0
-    assert load_profile("profile.yaml").elements["it"].ripple == pytest.approx(0.00143140828, 1e-3)
-    assert haptune("check", "profile.yaml").code == 0
+    spring = {"elements": {"it": {"stiffness": 1123.41, "penetration": 0.001}}}
+    profile = optimise(device, Scene.model_validate(spring))
+    assert profile.elements["it"].ripple == pytest.approx(0.00143140828, 1e-3)
+    check_content(to_mapping(profile), "as tuned")
 
 
 def test_the_jitter_borne_by_poles_that_are_all_one_is_found_anew() -> None:

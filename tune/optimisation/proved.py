@@ -199,7 +199,10 @@ def _proved_with(
     """The solutions with other sizes of some effects, if the multipliers at hand prove them all."""
     from tune.optimisation.saturation import prove_combinations
 
-    rounded = {u.label: u.rounded_at(u.steps(size)) for u, size in larger.items()}
+    rounded = {
+        u.label: u.high if size > u.high * (1 - 2 * _BELOW) else u.rounded_at(u.steps(size))
+        for u, size in larger.items()
+    }
     found = [*solutions]
     for place, solved in enumerate(solutions):
         labels = [each.label for each in solved.problem.unknowns]

@@ -415,8 +415,7 @@ def ask_facts(
     try:
         device.require_stated()
     except UnstatedError as error:
-        count = len(error.missing)
-        facts = f"{count} fact{'s' * (count > 1)} no log tells"
+        facts = f"{ident.counted(len(error.missing), 'fact')} no log tells"
         session.tell(f"{facts}; a blank answer leaves one open.")
         for fact in error.missing:
             found = _stated(session, found, fact)

@@ -188,7 +188,8 @@ def _proposed(best: Proved, say: Progress) -> tuple[Proved, Design, dict[str, Ab
     What no fade keeps from being pumped is left out, and the rest tuned once more, with filters of
     its own.
     """
-    task, solutions = best.task, with_room_regained(best.solutions)
+    best = replace(best, solutions=with_room_regained(best.solutions))
+    task, solutions = best.task, best.solutions
     dropped = with_what_is_felt(task, best.filters, solutions)
     if not any(solved.by_label() for solved in solutions):
         raise NoFeasibleEffectError(tuple(f"{label}: {why}" for label, why in dropped.items()))

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from identification import round_to_digits
+from identification import counted, round_to_digits
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
@@ -584,7 +584,7 @@ def reasons_for_nothing(problem: Problem) -> dict[str, str]:
             if not stable and unknown.wish.kind == "range" and unknown.wish.low:
                 reasons[unknown.label] = (
                     f"even {unknown.low:.4g} is not stable with a gain margin of {asked:g} and "
-                    f"{extra} extra sample{'s' * (extra > 1)} of delay"
+                    f"{counted(extra, 'extra sample')} of delay"
                 )
             else:
                 word = "stability"

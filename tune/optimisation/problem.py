@@ -198,9 +198,6 @@ class DesignTask:
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
     )
-    _subsets: dict[str, list[tuple[str, ...]]] = field(
-        default_factory=dict[str, list[tuple[str, ...]]], init=False, repr=False, compare=False
-    )
 
     @classmethod
     def of(
@@ -311,10 +308,14 @@ class DesignTask:
 
     def subsets(self, element: str) -> list[tuple[str, ...]]:
         """Every set of elements, this one the first of them, that can be felt at one moment."""
-        if not self._subsets:
-            for subset in self.scene.combinations():
-                self._subsets.setdefault(subset[0], []).append(subset)
         return self._subsets[element]
+
+    @cached_property
+    def _subsets(self) -> dict[str, list[tuple[str, ...]]]:
+        found: dict[str, list[tuple[str, ...]]] = {}
+        for subset in self.scene.combinations():
+            found.setdefault(subset[0], []).append(subset)
+        return found
 
 
 def problem_of(

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, cast
 
+from identification import counted
 from tune.documents.scene import UNITS
 from tune.exporters import NOT_A_SAFETY_FUNCTION
 from tune.presentation.limits import effect_uses
@@ -132,7 +133,7 @@ def _facts(safe: SafeProfile, written: str) -> Iterator[tuple[str, str]]:
     yield "hand", grip
     yield "identified", device_line(device).partition(": ")[2]
     margin = safe.margin
-    late = f"{margin.extra_delay_samples} extra sample{'s' * (margin.extra_delay_samples > 1)}"
+    late = counted(margin.extra_delay_samples, "extra sample")
     yield "margin asked for", f"{margin.name}: gain {margin.gain:g}, {late} of delay"
     yield "filters", filters_in_words(loop)
     yield "ripple allowed", f"{safe.ripple_limit:g} {force} rms"
@@ -258,7 +259,7 @@ def _record(safe: SafeProfile) -> dict[str, tuple[str, ...]]:
         f"combinations proved: {'; '.join(seal.interior)}",
         *(
             f"{names}: absolutely stable up to gain {each.gain:.4g} with "
-            f"{each.extra_delay_samples:g} more sample(s): {', '.join(each.covers)}"
+            f"{counted(f'{each.extra_delay_samples:g}', 'more sample')}: {', '.join(each.covers)}"
             for names, each in (seal.absolute_stability or {}).items()
         ),
         "certified with " + ", ".join(f"{name} {each}" for name, each in seal.versions.items()),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification import Device, draw_directions, legend_above
+from identification import Device, counted, draw_directions, legend_above
 from tune.documents.profile import Design, SafeProfile
 from tune.documents.scene import UNITS
 from tune.presentation.limits import (
@@ -169,8 +169,8 @@ def _draw_overview(
 
 def _verdict(profile: Design) -> str:
     """What is proved of a certified profile; of another, the margin that is asked for."""
-    late = profile.margin.extra_delay_samples
-    margin = f"every gain up to {profile.margin.gain:g} with {late} extra sample{'s' * (late != 1)}"
+    late = counted(profile.margin.extra_delay_samples, "extra sample")
+    margin = f"every gain up to {profile.margin.gain:g} with {late}"
     return f"safe for {margin}" if isinstance(profile, SafeProfile) else f"margin: {margin}"
 
 

@@ -10,13 +10,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.errors import (
-    Finding,
-    InvalidInputError,
-    LogRefusedError,
-    UsageError,
-    refusal,
-)
+from identification.errors import Finding, InvalidInputError, LogRefusedError, UsageError, refusal
 
 _Answer = TypeVar("_Answer")
 Motion = Literal["linear", "rotary"]

@@ -126,10 +126,7 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
 
 
 def solve_rows(
-    prepared: JointLog,
-    positions: Sequence[Sequence[FloatArray]] | None,
-    *,
-    symmetric: bool = True,
+    prepared: JointLog, positions: Sequence[Sequence[FloatArray]] | None, *, symmetric: bool = True
 ) -> tuple[FloatArray, Spread]:
     """Unknowns of the filtered rows, shape (p,), and their spread; SI units.
 

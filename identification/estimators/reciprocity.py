@@ -14,11 +14,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from identification.estimators.joint import JointLog
-from identification.estimators.joint_fits import (
-    JointEstimate,
-    noise_free_positions,
-    solve_rows,
-)
+from identification.estimators.joint_fits import JointEstimate, noise_free_positions, solve_rows
 from identification.trajectory import FloatArray
 
 #: Couplings differ where no ratios of this at most fit, at this level of confidence: what a few

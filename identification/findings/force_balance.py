@@ -196,11 +196,7 @@ def _rows(
 
 
 def _weighed(
-    trajectory: Trajectory,
-    index: IndexArray,
-    middle: FloatArray,
-    half_width: float,
-    delay: float,
+    trajectory: Trajectory, index: IndexArray, middle: FloatArray, half_width: float, delay: float
 ) -> FloatArray:
     """Rows (force, acceleration, velocity, direction, position, longest interval, noise gain).
 

@@ -19,11 +19,7 @@ from identification.estimators.estimate import (
 )
 from identification.estimators.motion import running_maximum
 from identification.findings.columns import standing
-from identification.findings.force_balance import (
-    ForceBalance,
-    balance_at,
-    least_squares_residual,
-)
+from identification.findings.force_balance import ForceBalance, balance_at, least_squares_residual
 from identification.trajectory import BoolArray, FloatArray, IndexArray, Trajectory, finest_reading
 
 _POWERS = (1, 2, 3)  # powers of position that stand for any smooth force over the travel

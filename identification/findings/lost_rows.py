@@ -199,10 +199,7 @@ def _of_rows(trajectory: Trajectory, kept: BoolArray, time: FloatArray) -> Traje
 def _reads(trajectory: Trajectory, noise: float) -> list[tuple[BoolArray, FloatArray, int]]:
     """What position, force and set-point say, in this order."""
     planned = [each for each in (trajectory.force, trajectory.reference) if each is not None]
-    return [
-        _read(trajectory.position, noise),
-        *(_read(each, _roughness(each)) for each in planned),
-    ]
+    return [_read(trajectory.position, noise), *(_read(each, _roughness(each)) for each in planned)]
 
 
 def _roughness(column: FloatArray) -> float:

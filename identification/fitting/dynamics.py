@@ -502,12 +502,7 @@ _OTHER: dict[type[_Kind], float] = {_Play: 0.7, _Elastic: 0.6, _Uneven: 0.15}
 
 
 def find_dynamics(
-    log: Trajectory,
-    whole: Regression,
-    late: float,
-    hardware: Hardware,
-    *,
-    least: float,
+    log: Trajectory, whole: Regression, late: float, hardware: Hardware, *, least: float
 ) -> Dynamics | None:
     """The kind that takes most of what the model leaves away; None if there is none.
 

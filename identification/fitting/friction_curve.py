@@ -22,12 +22,7 @@ from identification.estimators.estimate import Estimate, symmetric_inverse, unit
 from identification.estimators.filters import LowPass, width_of
 from identification.estimators.least_squares import Regression
 from identification.estimators.signals import HeldColumn
-from identification.fitting.stability_selection import (
-    BLOCKS,
-    STABLE,
-    Blocks,
-    least_norm,
-)
+from identification.fitting.stability_selection import BLOCKS, STABLE, Blocks, least_norm
 from identification.trajectory import NORMAL_95, FloatArray, Trajectory
 
 #: Widths of the bells of speed, parts of the fastest.

@@ -218,9 +218,7 @@ def _content(path: Path) -> bytes:
     return content
 
 
-def _without_copies(
-    found: dict[str, FloatArray],
-) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+def _without_copies(found: dict[str, FloatArray]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
     """Columns without rows that were written twice, stamp and all, and what to say of them."""
     again = np.append(False, np.all([np.diff(column) == 0 for column in found.values()], axis=0))
     if not again.any() or not np.all(np.diff(found["time"][~again]) > 0):

@@ -525,11 +525,7 @@ def _parsed(content: bytes, separator: str, **options: Any) -> polars.DataFrame:
     import polars as pl
 
     return pl.read_csv(
-        BytesIO(content),
-        separator=separator,
-        infer_schema=False,
-        encoding="utf8-lossy",
-        **options,
+        BytesIO(content), separator=separator, infer_schema=False, encoding="utf8-lossy", **options
     )
 
 

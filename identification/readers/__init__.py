@@ -22,10 +22,10 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
-from importlib import import_module
 from multiprocessing.spawn import get_executable
 from os import PathLike
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -53,13 +53,7 @@ __all__ = ["LOG_ENDINGS", "LogColumns", "load_log", "load_trajectory"]
 
 #: Module and function by the ending of the file's name.
 _READERS = {
-    ".csv": "text.read_text",
-    ".txt": "text.read_text",
-    ".tsv": "text.read_text",
-    ".dat": "text.read_text",
-    ".asc": "text.read_text",
-    ".log": "text.read_text",
-    ".lvm": "text.read_text",
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm"), "text.read_text"),
     ".parquet": "binary.read_parquet",
     ".mat": "binary.read_mat",
     ".npz": "binary.read_npz",
@@ -194,9 +188,7 @@ def _reader_for(path: Path) -> Callable[[Path, bytes, LogColumns], Reading]:
         raise InvalidInputError(path, problem, remedy)
     if ending in _ISOLATED:
         return partial(read_isolated, _READERS[ending])
-    module, _, function = _READERS[ending].partition(".")
-    reader: Any = getattr(import_module(f"{__name__}.{module}"), function)
-    return reader
+    return resolve_name(f"{__name__}.{_READERS[ending]}")
 
 
 def _content(path: Path) -> bytes:
@@ -320,8 +312,7 @@ def serve() -> None:
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)  # what libraries print is for nobody
         _limit(job["seconds"], job["memory"])
-        module, _, function = job["reader"].partition(".")
-        read = getattr(import_module(f"{__name__}.{module}"), function)
+        read = resolve_name(f"{__name__}.{job['reader']}")
         columns = LogColumns(**job["columns"])
         try:
             reading: Reading = read(Path(job["path"]), sys.stdin.buffer.read(), columns)

@@ -38,7 +38,7 @@ class Finding:
     """
 
     code: str
-    severity: Literal["warning", "refusal"]
+    severity: Literal["warning", "refusal"] = "warning"
     seen: str
     needed: str
     remedy: str

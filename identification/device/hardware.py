@@ -396,7 +396,6 @@ class SuggestedFacts:
             return ()
         finding = Finding(
             code="not-stated",
-            severity="warning",
             seen="nobody states " + ", ".join(facts),
             needed="facts from a data sheet, in N, m (N·m, rad) and s, before anything is "
             "certified",

@@ -327,7 +327,6 @@ def _one_frequency(trajectory: Trajectory, balance: ForceBalance) -> Iterator[Fi
         return
     yield Finding(
         code="not-exciting-mass",
-        severity="warning",
         seen=f"{trajectory.source} moves at one frequency: position and velocity explain "
         f"{1 - share:.2%} of the acceleration, so a spring or a hand would look like mass",
         needed=f"at most {1 - _ONE_FREQUENCY:.0%}",
@@ -456,7 +455,6 @@ def _doubted_delay(
     elif stated is not None:  # a delay is read although one is stated: the log contradicts that
         yield Finding(
             code="delay-contradicted",
-            severity="warning",
             seen=f"{seen}, the hardware states {stated.value * 1e3:.4g} ms",
             needed=f"the same within {WRONG_DELAY:g} samples ({WRONG_DELAY * step * 1e3:.4g} ms)",
             remedy="See that force[k] is what was sent at time[k], or shift the rows of force; "
@@ -467,7 +465,6 @@ def _doubted_delay(
     elif width > _WIDEST_DELAY * step:
         yield Finding(
             code="delay-unknown",
-            severity="warning",
             seen=seen,
             needed=f"a delay within ± {_WIDEST_DELAY:g} sample",
             remedy=remedy,
@@ -491,7 +488,6 @@ def _contradicting_delays(
         if apart > max(_DELAY_SIGMAS * chance, _APART * step):
             yield Finding(
                 code="delay-unknown",
-                severity="warning",
                 seen=f"{_delay_of(chosen, step)} in {trajectory.source}, {_delay_of(other, step)}",
                 needed=f"delays within {_DELAY_SIGMAS:g} deviations or {_APART:g} samples",
                 remedy="State delay in the hardware file; where it varies from sample to "

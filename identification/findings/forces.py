@@ -51,7 +51,6 @@ def position_dependence(
         return
     yield Finding(
         code="gravity",
-        severity="warning",
         seen=f"a force of position, {np.ptp(force):.3g} from end to end of the travel and "
         f"{share:.0%} of the force rms, acts in {trajectory.source}; the estimate has a term "
         "for it",
@@ -431,7 +430,6 @@ def cut_off_sensitivity(trajectory: Trajectory, chosen: Estimate) -> Iterator[Fi
     )
     yield Finding(
         code="heldout-misfit",
-        severity="warning",
         seen=f"another cut-off moves the {seen} in {trajectory.source}",
         needed="a move within the interval",
         remedy="A force that the model does not have acts at some frequencies: excite harder, "

@@ -69,7 +69,6 @@ def seems_measured(log: Trajectory, early: Delay) -> Finding:
     """``delay-unknown``: what was measured tells none."""
     return Finding(
         code="delay-unknown",
-        severity="warning",
         seen=f"the force of {log.source} acts {early.value * 1e3:.3g} ± "
         f"{NORMAL_95 * early.deviation * 1e3:.2g} ms before its row, half a sample: it seems "
         "measured, not commanded, and tells no delay; mass and damping were told with its mean "

@@ -24,12 +24,12 @@ class Dynamics:
 
     log: Trajectory  # with the force that a rigid device would have needed
     doubt: FloatArray  # covariance that its parameters add to those of the model, shape (p, p)
-    left: float  # part of the residual that may still move mass and damping
-    share: float  # of the force that it leaves, rms
-    findings: tuple[Finding, ...]  # none where the hardware states it
-    current_lag: Quantity | None  # s
-    mode: Mode | None
-    masses: tuple[float, float] | None  # kg (kg·m²), least and largest that a loop feels
+    left: float = 0.0  # part of the residual that may still move mass and damping
+    share: float = 0.0  # of the force that it leaves, rms
+    findings: tuple[Finding, ...] = ()  # none where the hardware states it
+    current_lag: Quantity | None = None  # s
+    mode: Mode | None = None
+    masses: tuple[float, float] | None = None  # kg (kg·m²), least and largest that a loop feels
 
     def response(self, rigid: ComplexArray, mass: float, frequency: FloatArray) -> ComplexArray:
         """Acceleration per force with the lag or the mode beside the rigid one, (bands,)."""

@@ -58,7 +58,6 @@ def believed(free: LogFit, given: LogFit, stated: Quantity) -> LogFit:
     both = widest(stated, [seen]) or stated
     finding = Finding(
         code="drive-lag",
-        severity="warning",
         seen=f"{log.source} shows {told}, the hardware states {stated.value * 1e3:.4g} ms: with "
         f"that {np.sqrt(before):.2%} of the force are left unexplained, rms, as the log shows it "
         f"{np.sqrt(after):.2%}",
@@ -83,15 +82,4 @@ def _left(fit: LogFit) -> float:
 
 def _with(dynamics: Dynamics | None, log: Trajectory, lag: Quantity) -> Dynamics:
     """What a log shows beside a rigid device, behind this lag."""
-    if dynamics is not None:
-        return replace(dynamics, current_lag=lag)
-    return Dynamics(
-        log=log,
-        doubt=np.zeros((0, 0)),
-        left=0.0,
-        share=0.0,
-        current_lag=lag,
-        findings=(),
-        mode=None,
-        masses=None,
-    )
+    return replace(dynamics or Dynamics(log=log, doubt=np.zeros((0, 0))), current_lag=lag)

@@ -224,17 +224,17 @@ class Regression:
     def unfiltered(self, position: FloatArray, motion: Motion) -> FloatArray:
         """Columns of another position and direction of motion before the filter."""
         steps = self.signals.steps
-        beside = terms(self.model, motion, position, steps).columns
+        beside, _ = terms(self.model, motion, position, steps)
         triangles = [of_rows(each.triangle()) for each in beside]
         return np.stack((*kinematics_of(position - np.mean(position), steps), *triangles))
 
     def _with_terms(self) -> Regression:
-        found = terms(self.model, self.motion, self.signals.position, self.signals.steps)
-        columns = [self.columns[:2]]
-        if found.columns:
-            triangles = np.stack([of_rows(each.triangle()) for each in found.columns])
+        signals, columns = self.signals, [self.columns[:2]]
+        found, mean_speed = terms(self.model, self.motion, signals.position, signals.steps)
+        if found:
+            triangles = np.stack([of_rows(each.triangle()) for each in found])
             columns.append(self.low_pass(triangles)[:, self.known :])
-        return replace(self, columns=np.concatenate(columns), mean_speed=found.mean_speed)
+        return replace(self, columns=np.concatenate(columns), mean_speed=mean_speed)
 
     def filtered(self, held: HeldColumn) -> FloatArray:
         """Rows of a held column, filtered, shape (rows,)."""
@@ -348,7 +348,7 @@ class Drive:
     def of(cls, table: Regression, delay: float | None) -> Drive:
         """Inputs as a prepared regression knows them."""
         signals, motion = table.signals, table.motion
-        beside = terms(table.model, motion, signals.position, signals.steps).columns
+        beside, _ = terms(table.model, motion, signals.position, signals.steps)
         return cls(signals.commands, beside, motion.moving, signals.steps, delay)
 
     @classmethod

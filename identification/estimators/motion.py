@@ -262,16 +262,10 @@ def _dwelling(position: FloatArray, noise: float, bend: float) -> FloatArray:
     return still[:-1] * still[1:]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Terms:
-    """Columns in the order of ``model.parameters[2:]``, zero where the device stands."""
-
-    columns: tuple[HeldColumn, ...]  # force per unit of parameter, n - 1 intervals each
-    mean_speed: float  # s of the model, m/s; 0 where friction does not differ by direction
-
-
-def terms(model: Model, motion: Motion, position: FloatArray, steps: float | FloatArray) -> Terms:
-    """Columns of a model on one log.
+def terms(
+    model: Model, motion: Motion, position: FloatArray, steps: float | FloatArray
+) -> tuple[tuple[HeldColumn, ...], float]:
+    """Columns of ``model.parameters[2:]`` on one log, zero where it stands, and s of the model.
 
     Terms that depend on speed or position are taken as their mean over each interval: what they
     change inside of it moves the device by a part (ωT)²/12 of their own effect.
@@ -289,7 +283,7 @@ def terms(model: Model, motion: Motion, position: FloatArray, steps: float | Flo
     if model.gravity == "pendulum":
         columns.append(HeldColumn.constant(_middle(np.sin(position)) * moving, steps))
         columns.append(HeldColumn.constant(_middle(np.cos(position)) * moving, steps))
-    return Terms(columns=tuple(columns), mean_speed=mean_speed)
+    return tuple(columns), mean_speed
 
 
 def others(
@@ -300,7 +294,7 @@ def others(
     values: Mapping[str, float],
 ) -> FloatArray:
     """Mean over each interval of all terms but Coulomb friction, as if nothing stood, N."""
-    columns = terms(model, motion.released(), position, steps).columns
+    columns, _ = terms(model, motion.released(), position, steps)
     total = np.zeros(motion.moving.size)
     for name, held in zip(model.parameters[2:], columns, strict=True):
         if name != "coulomb_friction" and values[name] != 0:

@@ -356,8 +356,8 @@ class _Turning:
         rates = point.by_way(lambda way: np.full(intervals, way.rate))
         added["mass"] = net - rates / mass * by_rate
         added["damping"] = by_rate / mass
-        found = terms(model, along.motion, self.table.signals.position, self.drive.steps)
-        for name, held in zip(model.parameters[2:], found.columns, strict=True):
+        beside, _ = terms(model, along.motion, self.table.signals.position, self.drive.steps)
+        for name, held in zip(model.parameters[2:], beside, strict=True):
             added[name] = -point.gain(held) / mass
         if model.directional:
             side = np.where(along.forward, 1.0, -1.0)

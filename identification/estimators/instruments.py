@@ -128,25 +128,12 @@ def _source(table: Regression) -> _Source:
             signals.commands,
             lambda values, delay: _columns(table, _simulated(table, values, delay)),
         )
-    past = _past_of(table, signals.reference)
+    past = _Past.of(table, signals.reference)
     known = _columns(table, past.explained(signals.position))
     if signals.commands.sent is not None:
-        past = _past_of(table, signals.reference, signals.commands.sent)
+        past = _Past.of(table, signals.reference, signals.commands.sent)
     force = replace(signals.commands, value=past.explained(signals.commands.value))
     return _Source("instruments from the logged reference", force, lambda _values, _delay: known)
-
-
-def _past_of(table: Regression, reference: FloatArray, at: FloatArray | None = None) -> _Past:
-    """Past values of a reference at the samples, or at other times in s."""
-    signals = table.signals
-    if isinstance(signals.steps, np.ndarray):
-        time = np.concatenate(([0.0], np.cumsum(signals.steps)))
-    else:
-        time = np.arange(signals.position.size) * np.float64(signals.steps)
-    apart = max(_LAG / table.cut_off.frequency, signals.step)
-    return _Past.of(
-        reference, time, time if at is None else at, np.arange(_LAGS) * np.float64(apart)
-    )
 
 
 def explained_by_reference(table: Regression) -> FloatArray | None:
@@ -154,7 +141,7 @@ def explained_by_reference(table: Regression) -> FloatArray | None:
     reference = table.signals.reference
     if reference is None:
         return None
-    return _past_of(table, reference).explained(table.signals.position)
+    return _Past.of(table, reference).explained(table.signals.position)
 
 
 def _simulated(table: Regression, values: FloatArray, delay: float) -> FloatArray:
@@ -183,11 +170,17 @@ class _Past:
     inverse: FloatArray
 
     @classmethod
-    def of(cls, reference: FloatArray, time: FloatArray, at: FloatArray, lags: FloatArray) -> _Past:
-        """Values at ``at`` less each of the lags, s, of a reference known at some times."""
-        past = np.empty((lags.size, at.size))
-        for row, lag in zip(past, lags, strict=True):
-            row[:] = np.interp(at - lag, time, reference)
+    def of(cls, table: Regression, reference: FloatArray, at: FloatArray | None = None) -> _Past:
+        """Before the samples, or before other times in s."""
+        signals = table.signals
+        if isinstance(signals.steps, np.ndarray):
+            time = np.concatenate(([0.0], np.cumsum(signals.steps)))
+        else:
+            time = np.arange(signals.position.size) * np.float64(signals.steps)
+        at, apart = time if at is None else at, max(_LAG / table.cut_off.frequency, signals.step)
+        past = np.empty((_LAGS, at.size))
+        for lag, row in enumerate(past):
+            row[:] = np.interp(at - lag * apart, time, reference)
         past -= past.mean(axis=1, keepdims=True)
         norms = np.linalg.norm(past, axis=1, keepdims=True)
         past /= np.where(norms > 0, norms, 1.0)

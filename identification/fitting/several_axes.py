@@ -418,40 +418,37 @@ def _widened(estimate: JointEstimate, alone: Sequence[LogFit]) -> JointEstimate:
     return replace(estimate, covariance=estimate.covariance * np.outer(scale, scale))
 
 
-def _not_told_apart(joint: _JointFit) -> tuple[Finding, ...]:
+def _not_told_apart(joint: _JointFit) -> Iterator[Finding]:
     """``axes-not-told-apart``: axes that move alike, or a direction whose mass is not known."""
     estimate = joint.estimate
     if joint.apart < _ALIKE:
-        return (
-            refusal(
-                "axes-not-told-apart",
-                seen="some combination of the axes hardly accelerates: the least eigenvalue of the "
-                f"correlations of their accelerations is {joint.apart:.2g}",
-                needed=f"{_ALIKE:g} at least",
-                remedy=_APART,
-            ),
+        yield refusal(
+            "axes-not-told-apart",
+            seen="some combination of the axes hardly accelerates: the least eigenvalue of the "
+            f"correlations of their accelerations is {joint.apart:.2g}",
+            needed=f"{_ALIKE:g} at least",
+            remedy=_APART,
         )
+        return
     try:
         pose = _pose(estimate)
     except ValueError:
-        return (_no_mass(),)
-    matrix = np.array(pose.mass)
-    for deviations in (pose.deviations(), -pose.deviations()):
-        for end in pose.extremes("mass", deviations):
-            unit = np.array(end.direction)
-            value = float(unit @ matrix @ unit)
-            factor = float(np.exp(abs(np.log(end.value / value))))
-            if factor > _LOOSEST:
-                return (
-                    refusal(
-                        "axes-not-told-apart",
-                        seen=f"{end.along(estimate.model.axes)} the mass is {value:.4g}, "
-                        f"known to a factor of {factor:.3g}",
-                        needed=f"a mass known to a factor of {_LOOSEST:g} in every direction",
-                        remedy=_APART,
-                    ),
-                )
-    return ()
+        yield _no_mass()
+        return
+    matrix, half = np.array(pose.mass), pose.deviations()
+    for end in (*pose.extremes("mass", half), *pose.extremes("mass", -half)):
+        unit = np.array(end.direction)
+        value = float(unit @ matrix @ unit)
+        factor = float(np.exp(abs(np.log(end.value / value))))
+        if factor > _LOOSEST:
+            yield refusal(
+                "axes-not-told-apart",
+                seen=f"{end.along(estimate.model.axes)} the mass is {value:.4g}, known to a "
+                f"factor of {factor:.3g}",
+                needed=f"a mass known to a factor of {_LOOSEST:g} in every direction",
+                remedy=_APART,
+            )
+            return
 
 
 def _uneven(joint: _JointFit) -> Iterator[Finding]:

@@ -523,9 +523,9 @@ def _directions(rows: FloatArray, power: float) -> FloatArray:
     return (mixed[:, strong] / np.sqrt(powers[strong])).T @ rows
 
 
-def half_width(estimate: Estimate, name: str, confidence: float = 0.95) -> float:
-    """Half of the interval of one parameter: Student's t with the covariance's freedom."""
-    return quantile(estimate, confidence) * estimate.deviation(name)
+def half_width(estimate: Estimate, name: str) -> float:
+    """Half of the 95 % interval of one parameter: Student's t with the covariance's freedom."""
+    return quantile(estimate) * estimate.deviation(name)
 
 
 def quantile(estimate: Estimate, confidence: float = 0.95) -> float:

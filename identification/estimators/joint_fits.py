@@ -56,7 +56,7 @@ class JointEstimate:
     method: JointMethod
     model: JointModel
     delay: float  # s, given or fitted
-    delay_deviation: float | None  # s; None if it was given
+    delay_deviation: float | None = None  # s; None if it was given
     values: FloatArray  # shape (p,), in the order of ``model.parameters``
     covariance: FloatArray  # shape (p, p)
     degrees_of_freedom: float
@@ -118,7 +118,6 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
         method=method,
         model=prepared.model,
         delay=prepared.delay,
-        delay_deviation=None,
         values=values,
         covariance=around.covariance,
         degrees_of_freedom=around.degrees_of_freedom,

@@ -50,8 +50,8 @@ class ForceBalance:
     velocity: FloatArray  # m/s
     direction: FloatArray  # mean of the sign of the velocity, -1 to 1
     position: FloatArray  # m
-    gravity: Gravity  # the term of position that the estimate carries, as in Model
     noise_share: float  # part of the mean square of the acceleration that is noise of position
+    gravity: Gravity = "none"  # the term of position that the estimate carries, as in Model
 
     @property
     def plant(self) -> FloatArray:
@@ -190,7 +190,6 @@ def _rows(
         velocity=table[:, 2],
         direction=table[:, 3],
         position=table[:, 4],
-        gravity="none",
         noise_share=min(1.0, parasitic / power) if power > 0 else 1.0,
     )
 

@@ -510,7 +510,10 @@ def find_dynamics(
     log, with its delay in s; ``least`` is the part of the force that laws of friction leave,
     mean squares.
     """
-    table = _looked_at(log, whole, late)
+    part, table = excited_part(log, _LONGEST), whole
+    if part is not log:
+        room = whole.known * whole.signals.step
+        table = prepare(part, whole.model, room, refine=False).refined(late)
     force = table.force(late)
     residual = force - np.linalg.lstsq(table.columns.T, force)[0] @ table.columns
     before, power = float(residual @ residual), float(force @ force)
@@ -538,15 +541,6 @@ def find_dynamics(
         return None
     left = max(cost - noise, 0.0) / (before - noise)
     return _described(log, whole, *best, left, float(np.sqrt(cost / power)), hardware)
-
-
-def _looked_at(log: Trajectory, table: Regression, late: float) -> Regression:
-    """The regression of a log, or of a part of a long one."""
-    part = excited_part(log, _LONGEST)
-    if part is log:
-        return table
-    room = table.known * table.signals.step
-    return prepare(part, table.model, room, refine=False).refined(late)
 
 
 def _described(

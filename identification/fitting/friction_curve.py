@@ -368,9 +368,12 @@ def _curve(own: Blocks[Kind], kinds: Sequence[Kind], forces: _Forces) -> Frictio
     left = float(np.sqrt(own.left(kinds) / own.left(())))
     moved = np.abs(fit.values[:2] - linear.values[:2]) * left
     low, high = _slope_range(fit, forces)
-    for other in _as_good(own, kinds):
-        below, above = _slope_range(_Fit.of(own, (other,)), forces)
-        low, high = min(low, below), max(high, above)
+    others: list[Kind] = [each for each in own.members if each not in kinds]
+    for other in others:
+        # One that explains the log so well alone that the first finds nothing beside it.
+        if _is_sure(own, other, ()) and not _is_sure(own, kinds[0], (other,)):
+            below, above = _slope_range(_Fit.of(own, (other,)), forces)
+            low, high = min(low, below), max(high, above)
     return FrictionCurve(
         found=tuple(UnmodelledForce(kind=kind, share=_share(own, fit, kind)) for kind in kinds),
         slope=SlopeRange(
@@ -425,15 +428,6 @@ def _slope_range(fit: _Fit, forces: _Forces) -> tuple[float, float]:
         weights[:, place] = np.tile(added, (len(weights) // len(added), 1))
     slope, half = fit.weighted(weights)
     return float(np.min(slope - half)), float(np.max(slope + half))
-
-
-def _as_good(own: Blocks[Kind], kinds: Sequence[Kind]) -> list[Kind]:
-    """Kinds that explain the log so well alone that the first one finds nothing beside them."""
-    return [
-        kind
-        for kind in own.members
-        if kind not in kinds and _is_sure(own, kind, ()) and not _is_sure(own, kinds[0], (kind,))
-    ]
 
 
 def unmodelled(trajectory: Trajectory, curve: FrictionCurve, damping: float) -> Finding:

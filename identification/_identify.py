@@ -327,11 +327,7 @@ def _envelope(fits: Sequence[LogFit], name: str) -> Quantity:
 
 
 def _hull(fits: Sequence[LogFit], *, least: float | None = None, **weights: float) -> Quantity:
-    """Hull of the intervals of a weighted sum of parameters.
-
-    Mass lies on a logarithmic scale, so that it stays positive; friction is clipped at zero, where
-    physics ends.
-    """
+    """Hull of the intervals of a weighted sum of parameters, that of a mass in logarithms."""
     # Of one log's interval, so that the envelope of several has 95 % for all.
     confidence = 1 - (1 - _CONFIDENCE) / len(fits)
     pairs: FloatArray = np.array([fit.estimate.combined(**weights) for fit in fits])
@@ -379,10 +375,7 @@ def _hull_of(fits: Sequence[LogFit], name: Literal["slope", "presliding"]) -> Sl
 
 
 def _covariance(fits: Sequence[LogFit]) -> Covariance:
-    """Mean covariance of the logs plus the covariance between their values.
-
-    The degrees of freedom are those of the poorest log: between logs there are too few to count.
-    """
+    """Mean covariance of the logs plus that between their values; freedom of the poorest log."""
     shared = [name for name in _PARAMETERS if all(name in fit.estimate.parameters for fit in fits)]
     within: list[FloatArray] = []
     for fit in fits:

@@ -374,10 +374,7 @@ class SuggestedFacts:
         return ForceLimit(continuous=peak, peak=peak, source="log")
 
     def not_stated(self, hardware: Hardware) -> tuple[Finding, ...]:
-        """``not-stated``: facts that no hardware file states, and what the logs suggest of them.
-
-        Only a delay that the logs tell within a sample is used; for the rest `tune` will ask.
-        """
+        """``not-stated``: facts that no hardware file states, and what the logs suggest of them."""
         facts: list[str] = []
         if self.logs[0].motion is None:
             # Whether an axis turns cannot be seen: radians and metres are numbers.

@@ -58,10 +58,7 @@ def solve(columns: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArray:
-    """Pseudo-inverses of symmetric matrices by their eigenvalues, shape (..., p, p).
-
-    Eigenvalues below ``nothing`` times the largest, in size, carry nothing but rounding.
-    """
+    """Pseudo-inverses, (..., p, p), without eigenvalues below ``nothing`` times the largest."""
     values, vectors = np.linalg.eigh(matrices)
     sizes = np.abs(values)
     kept = sizes > nothing * np.max(sizes, axis=-1, keepdims=True, initial=0.0)
@@ -70,10 +67,7 @@ def symmetric_inverse(matrices: FloatArray, nothing: float = 1e-15) -> FloatArra
 
 
 def unit_inverse(slopes: FloatArray, nothing: float) -> tuple[FloatArray, FloatArray]:
-    """Inverse of the normal matrix of slopes scaled to one, shape (k, k), and their sizes, (k,).
-
-    Directions weaker than ``nothing`` times the strongest carry nothing but rounding.
-    """
+    """Inverse of the normal matrix of slopes scaled to one, (k, k), and their sizes, (k,)."""
     normal = slopes @ slopes.T
     size = np.sqrt(np.diag(normal))
     # A parameter that changes nothing does not move.
@@ -84,11 +78,7 @@ def unit_inverse(slopes: FloatArray, nothing: float) -> tuple[FloatArray, FloatA
 def gauss_newton(
     slopes: FloatArray, residual: FloatArray, nothing: float
 ) -> tuple[FloatArray, float]:
-    """The Gauss-Newton step of a fit, and what it gains in units of the variance of a residual.
-
-    Slopes are by each parameter, shape (k, rows); directions weaker than ``nothing`` times the
-    strongest carry nothing but rounding.
-    """
+    """The Gauss-Newton step by slopes, (k, rows), and what it gains in variances of a residual."""
     inverse, size = unit_inverse(slopes, nothing)
     right = slopes @ residual / size
     move = inverse @ right
@@ -458,10 +448,7 @@ _SPANNED = 1e-10
 def process_noise_covariance(
     jacobian: FloatArray, residual: FloatArray, keep: int, *, mass: float, rate: float, step: float
 ) -> FloatArray:
-    """What a white force adds to the covariance of a fit of positions, shape (keep, keep).
-
-    It hardly differs from one block of a log to the next; docs/theory.md, 7. The rate is b/m.
-    """
+    """What a white force adds to the covariance of a fit of positions; docs/theory.md, 7."""
     rows = residual.size
     parts = min(rows, _POSITION_PARTS)
     starts = np.linspace(0, rows, parts, endpoint=False).astype(np.intp)

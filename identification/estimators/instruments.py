@@ -57,10 +57,7 @@ def point(table: Regression, delay: float, *, fits_delay: bool = False) -> Point
 
 
 def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
-    """Mass, damping and friction by instrumental variables; the residual is a filtered force.
-
-    The reference makes the instruments if it moves; the first note says which they are.
-    """
+    """Mass, damping and friction by instrumental variables; the residual is a filtered force."""
     source = _source(table)
     best = _found(table, source, delay, fits_delay=fits_delay)
     size = len(table.model.parameters) + fits_delay

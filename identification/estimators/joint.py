@@ -167,11 +167,7 @@ class JointPart:
         delay: float,
         positions: FloatArray | None,
     ) -> Trajectory:
-        """The log that an axis would have had alone: its force less what moves the others.
-
-        Matrices are Λ and D, the delay in s; positions, m, shape (axes, n), those measured where
-        they are None.
-        """
+        """The log that an axis would have had alone: its force less what moves the others."""
         mass, damping = matrices
         moving = self
         if positions is not None:
@@ -312,10 +308,7 @@ class Rows:
     scale: FloatArray  # what each axis was divided by, N
 
     def with_halves(self, model: JointModel) -> Rows:
-        """With the antisymmetric part of both matrices, which a device does not have.
-
-        Its entries above the diagonal, of mass, then of damping, follow the other unknowns.
-        """
+        """With the antisymmetric parts of both matrices, which a device does not have."""
         pairs, across = model.pairs, model.across
         at = [*across, *(len(pairs) + place for place in across)]
         halves = self.columns[at]

@@ -79,10 +79,7 @@ class JointEstimate:
 
 
 def prepare_axes(logs: Sequence[Trajectories], delay: float, room: float, doubt: float) -> JointLog:
-    """The logs of a pose at a delay, s, of this deviation, which may become as long as ``room``.
-
-    Friction of axes of which least squares find nothing but noise is left out.
-    """
+    """The logs of a pose at a delay, s, without friction that least squares take for noise."""
     prepared = JointLog.of(logs, delay, room, doubt)
     found = _filtered(prepared, "least-squares")
     told = [found.told(f"coulomb_friction_{axis}") for axis in prepared.model.axes]
@@ -93,10 +90,7 @@ def prepare_axes(logs: Sequence[Trajectories], delay: float, room: float, doubt:
 def fit_jointly(
     prepared: JointLog, method: JointMethod, *, fits_delay: bool = False
 ) -> JointEstimate:
-    """The estimate of one method; output error fits the delay where it is asked to.
-
-    Raises NoMassError where least squares give no mass to start the others from.
-    """
+    """The estimate of one method. Raises NoMassError where there is no mass to start from."""
     if method == "output-error":
         return _output_error(prepared, fits_delay=fits_delay)
     found = _filtered(prepared, method)
@@ -293,10 +287,7 @@ class _Playing:
         return np.moveaxis(found[self.first :], 1, 0)
 
     def slopes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Positions, shape (rows, axes), and their slopes by every unknown, (k, rows, axes).
-
-        Rows of one log follow those of another.
-        """
+        """Positions, (rows, axes), log after log, and slopes by every unknown, (k, rows, axes)."""
         moved = np.vstack((theta, theta + np.diag(self.sizes)))
         all_positions: list[FloatArray] = []
         all_slopes: list[FloatArray] = []
@@ -327,11 +318,7 @@ class _Playing:
         return np.where(stands, 0.0, speeds), np.maximum(np.where(stands, 0.0, deviations), least)
 
     def _stand(self, noise: FloatArray) -> BoolArray:
-        """Logs all axes of which stand as they begin: readings are still, friction holds them.
-
-        A speed that friction ends at once the motion does not tell. Noise of the readings has shape
-        (logs, axes), m.
-        """
+        """Logs all axes of which stand as they begin: readings are still, friction holds them."""
         looked = slice(self.first, self.first + FIRST_LOOK)
         friction, offset = self.prepared.model.friction(self.prepared.solve())
         ranges = np.array([np.ptp(each[looked], axis=0) for each in self.measured])
@@ -341,10 +328,7 @@ class _Playing:
     def weighed(
         self, theta: FloatArray, positions: FloatArray, slopes: FloatArray, scale: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """What is left over its scale, shape (rows,), and its slopes, (k, rows).
-
-        Rows of all axes at one time lie beside each other; start speeds as seen come last.
-        """
+        """What is left over its scale, (rows,), start speeds last, and its slopes, (k, rows)."""
         count = self.prepared.count
         speeds, deviations = (each.ravel() for each in self.starts)
         tails = [self._tail(part).start for part in range(len(self.forces))]
@@ -379,10 +363,7 @@ class _Playing:
 
 
 def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
-    """The unknowns whose exact motion comes nearest to the measured one.
-
-    Each axis is weighed by what is left of it; turns and rests are those of the motion itself.
-    """
+    """The unknowns whose exact motion comes nearest to that measured, each axis over its rest."""
     play = _Playing.of(prepared, fits_delay=fits_delay)
     theta = play.start()
     if not play.allowed(theta):
@@ -442,10 +423,7 @@ def _output_error(prepared: JointLog, *, fits_delay: bool) -> JointEstimate:
 
 
 def _step(columns: FloatArray, residual: FloatArray, damped: float) -> tuple[FloatArray, float]:
-    """The step of Gauss and Newton and its gain; damped, that of Levenberg and Marquardt.
-
-    That one is shorter, and down the steepest slope.
-    """
+    """The step of Gauss and Newton and its gain; damped, that of Levenberg and Marquardt."""
     if damped:
         size = np.linalg.norm(columns, axis=1)
         columns = np.hstack((columns, np.sqrt(damped) * np.diag(size)))

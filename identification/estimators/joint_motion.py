@@ -216,10 +216,7 @@ class _Run:
         left: FloatArray,
         events: int = 0,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place, speed and sense of some devices after a span, s, under a held force.
-
-        Through every turn: those that turn or break away go on from there, with what is left.
-        """
+        """Place, speed and sense after a span, s, under a held force, through every turn in it."""
         sense, needed = self._broken_away(some, speed, sense, pull)
         gone, later = self._moved(some, speed, sense, pull, left)
         back = later * sense < 0
@@ -286,10 +283,7 @@ class _Run:
     def _broken_away(
         self, some: IndexArray, speed: FloatArray, sense: FloatArray, pull: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Senses with those of what friction cannot hold any longer, the most pulled axis first.
-
-        And the force that holds what is stuck, N, zero where nothing is.
-        """
+        """Senses with those of what friction cannot hold, and the force on what is stuck, N."""
         sense, needed = sense.copy(), np.zeros_like(speed)
         for _ in range(speed.shape[1]):
             stuck = self._stuck(some, sense)

@@ -134,10 +134,7 @@ def choose_cut_off(acceleration: FloatArray, step: float, noise: float) -> CutOf
 
 
 def _passed(frequency: FloatArray, candidates: FloatArray, powers: FloatArray) -> FloatArray:
-    """What each cut-off lets through of each power, shape (powers, candidates).
-
-    Powers are first gathered in bins far narrower than the distance of two candidates.
-    """
+    """What each cut-off lets through of each power, in fine bins, shape (powers, candidates)."""
     edges: FloatArray = (
         candidates[0] / 100 * (100 * frequency[-1] / candidates[0]) ** np.linspace(0, 1, _BINS)
     )
@@ -452,10 +449,7 @@ def point(table: Regression, delay: float, *, fits_delay: bool = False) -> Point
 
 
 def fit(table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate:
-    """Mass, damping and friction by filtered least squares; the delay is not fitted.
-
-    Notes state the cut-off, and what mass and damping become at half and at twice of it.
-    """
+    """Mass, damping and friction by filtered least squares; the delay is not fitted."""
     found = point(table, delay, fits_delay=fits_delay)
     force, residual = found.signal, found.residual
     around = spread(table.columns, residual, len(table.columns), signal=force)
@@ -536,10 +530,7 @@ def find_delay(trajectory: Trajectory, table: Regression) -> Delay:
 
 
 def shift_of_delay(table: Regression, delay: float) -> Delay:
-    """How much later than assumed the force acts, s: one step of Gauss and Newton from a delay.
-
-    F(t - d) changes with d by its slope; beside the other columns that tells how well d is known.
-    """
+    """How much later than assumed the force acts, s: one step of Gauss and Newton from a delay."""
     step = table.signals.step
     low, high = max(delay - step / 2, 0.0), delay + step / 2
     slope = (table.force(high) - table.force(low)) / (high - low)

@@ -41,10 +41,7 @@ _ENOUGH = 0.5
 
 
 def running_maximum(column: FloatArray, width: int) -> FloatArray:
-    """Largest of the ``width`` samples about each one, fewer at the ends; an odd number of them.
-
-    Maxima of two neighbouring spans make one of twice the span, so the cost goes with log(width).
-    """
+    """Largest of the ``width`` samples about each one, fewer at the ends; an odd number of them."""
     outside = np.full(width // 2, -np.inf)
     largest, span = np.concatenate((outside, column, outside)), 1
     while 2 * span <= width:
@@ -60,10 +57,7 @@ def running_range(column: FloatArray, width: int) -> FloatArray:
 
 
 def distinguishable_terms(trajectory: Trajectory) -> Model:
-    """Friction and offset, if the log can tell them apart: motion one way only cannot.
-
-    Noise of the readings steps both ways; only steps beyond it are motion.
-    """
+    """Friction and offset, if the log can tell them apart: motion one way only cannot."""
     place = trajectory.position
     clear = _CLEAR * position_noise(place, trajectory.force)
     span, steps = 1, np.diff(place)
@@ -449,10 +443,7 @@ def path(
 
 
 def _time_to_stop(speed: float, acceleration: float, rate: float, longest: float) -> float:
-    """When damping and a force against the motion have used up a speed, s.
-
-    A force that changes inside the interval may not brake in the mean of it; then it is the end.
-    """
+    """When damping and a force against the motion have used up a speed, s, or ``longest``."""
     if speed == 0:
         return 0.0
     undamped = -speed / acceleration if speed * acceleration < 0 else math.inf

@@ -101,10 +101,7 @@ def judge(
     consulted: Sequence[Estimate] = (),
     unexplained: float = 1.0,
 ) -> tuple[Finding, ...]:
-    """What the estimates say about the log.
-
-    ``unexplained`` is what friction beyond the model leaves over, rms as part of the force.
-    """
+    """What the estimates say about the log; friction beyond the model leaves ``unexplained``."""
     balance = balance_of(trajectory, chosen)
     left = unlogged(trajectory, balance, chosen, unexplained)
     return (
@@ -201,10 +198,7 @@ def causality(trajectory: Trajectory, balance: ForceBalance, chosen: Estimate) -
 
 
 def _controller(trajectory: Trajectory, balance: ForceBalance) -> str:
-    """A virtual spring and damper that pull back or brake, and know the force better than a device.
-
-    "" where the force is not that of one.
-    """
+    """A virtual spring and damper that know the force better than a device, in words, or ""."""
     columns = np.stack((balance.position, balance.velocity, np.ones_like(balance.time)), axis=1)
     weights = solve(columns, balance.force)
     stiffness, damping = -float(weights[0]), -float(weights[1])
@@ -270,10 +264,7 @@ def excitation(
     delay: Delay | None,
     left: Unlogged,
 ) -> Iterator[Finding]:
-    """``not-exciting-mass`` and ``not-exciting-damping``.
-
-    ``delay`` is as read from the log, None if it was stated; ``left`` is what it does not know.
-    """
+    """``not-exciting-mass`` and ``not-exciting-damping``; ``delay`` is None if it was stated."""
     inflation = dict(zip(regression.parameters, regression.inflation, strict=True))
 
     def seen(name: str, spread: float) -> str:
@@ -342,10 +333,7 @@ def _one_way(
     *,
     mass_told: bool,
 ) -> Finding:
-    """Friction and offset are one force in motion that never turns, at one speed damping too.
-
-    Mass can be told all the same, by what the force does to the speed.
-    """
+    """Friction and offset are one force in motion that never turns, at one speed damping too."""
     mean = float(np.mean(balance.velocity))
     sign, sense = ("+", "forward") if mean > 0 else ("-", "backward")
     steady = float(np.std(balance.velocity)) < _ONE_SPEED * abs(mean)

@@ -74,10 +74,7 @@ def sampling(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
 
 
 def _packets(trajectory: Trajectory, steps: FloatArray, long: BoolArray) -> bool:
-    """Whether rows were stamped as packets of them came, each at once: none is lost for that.
-
-    Then the device moves no further in a long step than in a short one.
-    """
+    """Whether rows came in packets, stamped at once: then no long step moves further."""
     usual = float(np.mean(steps)) <= LOST * trajectory.sample_time
     if usual or np.count_nonzero(long[_AROUND:-_AROUND]) < _FEWEST_PACKETS:
         return False
@@ -307,10 +304,7 @@ def _against_limit(trajectory: Trajectory, hardware: Hardware) -> Iterator[Findi
 
 
 def _against_count(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
-    """A count, or a scatter of readings, that is not that of the encoder stated.
-
-    Noise or few digits may hide the count; a digit printed may look like one.
-    """
+    """A count, or where noise hides it a scatter of readings, other than the encoder stated."""
     if hardware.encoder_resolution is None:
         return
     stated, seen = hardware.encoder_resolution.value, encoder_count(trajectory.position)
@@ -407,10 +401,7 @@ _LEAST_JUMP = 0.02  # a jump is at least this part of the travel; less is a coun
 
 
 def encoder_wrap(trajectory: Trajectory) -> Iterator[Finding]:
-    """``encoder-wrap``: jumps of one size, far above what speed allows.
-
-    A counter that starts anew jumps by its range; a reading that is lost goes there and back.
-    """
+    """``encoder-wrap``: jumps of one size, far above what speed allows."""
     far = _jumps(trajectory)
     if not far.any():
         return

@@ -138,11 +138,7 @@ def balance_of(trajectory: Trajectory, chosen: Estimate | None = None) -> ForceB
 
 
 def balance_at(trajectory: Trajectory, half_width: float, delay: float) -> ForceBalance:
-    """Rows with a window of a given half-width, s, and a delay, s.
-
-    They follow each other by half of the half-width; a log too long for that is looked at in its
-    middle.
-    """
+    """Rows of windows of a half-width, s, half of it apart, of a long log in its middle."""
     noise = position_noise(trajectory.position, trajectory.force)
     span = MOST_ROWS * half_width / 2
     return _rows(trajectory, half_width, delay, noise, MOST_ROWS, span=span)

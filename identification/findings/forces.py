@@ -204,10 +204,7 @@ class Unlogged:
 def unlogged(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, unexplained: float
 ) -> Unlogged:
-    """Forces at the pace of a hand that mass, damping, friction and offset leave over.
-
-    ``unexplained`` is what friction beyond the model leaves over, rms as part of the force.
-    """
+    """Forces at the pace of a hand that mass, damping, friction and offset leave over."""
     steady = float(np.mean(balance.force)) if balance.one_way else 0.0
     force = float(np.hypot(np.std(balance.force), steady))
     slow, spring = _slow(trajectory, balance), 0.0
@@ -313,11 +310,7 @@ def uneven_actuator(trajectory: Trajectory, balance: ForceBalance) -> Iterator[F
 def _tremor(
     trajectory: Trajectory, balance: ForceBalance, chosen: Estimate, *, held: bool
 ) -> tuple[float, float]:
-    """Rms of the rest in the band of tremor, N, and its power there against that beside it.
-
-    Unless a spring holds the device, the latter is 0 where the rest has little of the power of the
-    force.
-    """
+    """Rms of the rest in the band of tremor, N, and its power there against that beside it."""
     shortest = _PIECE / 2
     if trajectory.sample_time > _SLOWEST or np.ptp(trajectory.time) < shortest:
         return 0.0, 0.0

@@ -73,10 +73,7 @@ class Restored:
 
 
 def lost_rows(trajectory: Trajectory, *, alone: bool = True) -> Iterator[Finding]:
-    """``lost-rows`` and ``repeated-rows``: steps of two steps or none, with no gap in time.
-
-    Time is put right of an axis alone only: several axes have one.
-    """
+    """``lost-rows`` and ``repeated-rows``, with no gap in time; put right of an axis alone."""
     found = restored(trajectory)
     if found.share == 0:
         return
@@ -227,10 +224,7 @@ def _read(column: FloatArray, noise: float) -> tuple[BoolArray, FloatArray, int]
 
 
 def _jump_and_step(place: FloatArray, beside: int) -> tuple[FloatArray, FloatArray, float]:
-    """Jumps that a cubic leaves between two rows, its steps there, and noise of a jump.
-
-    The first is between rows ``beside`` - 1 and ``beside``. Noise is in noise of a reading.
-    """
+    """Jumps a cubic leaves in the middle of its rows, its steps there, and noise of a jump."""
     row = np.arange(2 * beside) - beside + 0.5
     cubic = (row / beside) ** np.arange(4)[:, None]
     jump = np.linalg.pinv(np.vstack((cubic, np.sign(row) / 2)))[:, -1]

@@ -250,10 +250,7 @@ def explained_by_noise(residual: FloatArray, trajectory: Trajectory) -> str | No
 
 
 def choose(prepared: PreparedLog, method: str, explained: str | None) -> tuple[Estimate, str]:
-    """The estimate to believe and a sentence why.
-
-    Output error where position noise explains what it leaves, or nearly so.
-    """
+    """The estimate to believe and why; output error where position noise explains the rest."""
     regression = prepared.fit("least-squares")
     starts = regression.value("mass") > 0
     if method == "least-squares" or (method != "auto" and starts):

@@ -233,10 +233,7 @@ class FrictionCurve:
     left: float  # rms over that of the force of what the model and the kinds leave over
 
     def carried_by(self, estimate: Estimate) -> Estimate:
-        """An estimate with the mass that the friction found leaves, known no better than before.
-
-        Damping stays the constant that explains the log best; its slope is the curve's.
-        """
+        """An estimate with the mass that the friction found leaves, known no better than before."""
         if self.mass <= 0:
             return estimate
         values, covariance = estimate.values.copy(), estimate.covariance.copy()
@@ -290,10 +287,7 @@ def _is_sure(own: Blocks[Kind], kind: Kind, beside: Sequence[Kind]) -> bool:
 
 
 def follows_motion(table: Regression, delay: float) -> bool:
-    """Whether a kind of force, a lag, load or play may explain more of the rest than chance does.
-
-    A coarse look, at means over as many intervals as the filter hardly tells apart.
-    """
+    """Whether forces, a lag, load or play may explain more than chance does: a coarse look."""
     frequency, step = table.cut_off.frequency, table.signals.step
     stride = int(_COARSE / (frequency * step))
     if stride <= 1:
@@ -323,11 +317,7 @@ def follows_motion(table: Regression, delay: float) -> bool:
 def friction_curve(
     table: Regression, delay: float, *, structured: bool = True
 ) -> FrictionCurve | None:
-    """Kinds of friction that one log shows beyond its model; None if there is none.
-
-    The direction of motion is settled, with Coulomb friction in the model. In a rest that is not
-    ``structured`` only drag is looked for.
-    """
+    """Kinds of friction beyond the model, of a rest without structure drag alone; or None."""
     forces = _Forces(table)
     columns, answer = forces.columns(None if structured else 1), table.force(delay)
     own = Blocks[Kind].of(table.columns.T, columns, answer)

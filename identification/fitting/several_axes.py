@@ -102,10 +102,7 @@ class AxesFit:
     findings: tuple[Finding, ...]  # warnings, those allowed among them
 
     def device(self, hardware: Hardware) -> Device:
-        """The device all poses make: mass and damping over every direction, axes at their worst.
-
-        Raises ValidationError for numbers that no device has.
-        """
+        """The device all poses make: mass and damping over every direction, axes at their worst."""
         first, facts = self.poses[0].logs[0], suggested_by(self.logs)
         poses = tuple(_pose(joint.estimate) for joint in self.poses)
         by_axis = [joint.estimate.model.friction(joint.estimate.values) for joint in self.poses]
@@ -490,10 +487,7 @@ def _turned(joint: _JointFit) -> Iterator[Finding]:
 
 
 def _unequal(joint: _JointFit) -> Iterator[Finding]:
-    """``force-unit`` where an axis couples to another otherwise than that to the first.
-
-    A gain does so to mass and damping alike; what does not is ``unmodelled-force``.
-    """
+    """``force-unit`` where axes couple unequally by a gain, or else ``unmodelled-force``."""
     units = {"mass": "kg", "damping": "N·s/m"}
     if joint.logs[0].motion == "rotary":
         units = {"mass": "kg·m²", "damping": "N·m·s/rad"}

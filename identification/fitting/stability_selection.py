@@ -152,11 +152,7 @@ class Blocks(Generic[Group]):
         return np.asarray(self.normals.sum(axis=0) / self.rows, dtype=np.float64)
 
     def fit(self, groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:
-        """Least squares with some groups: coefficients, shape (p,), and covariance, (p, p).
-
-        The covariance is that of leaving out one block in turn, whatever the colour of the
-        residual, plus that of a force nobody knows.
-        """
+        """Coefficients with some groups, (p,), and their covariance, shape (p, p)."""
         members = self.chosen(groups)
         normals = self.normals[:, members][:, :, members]
         rights = self.rights[:, members]
@@ -238,10 +234,7 @@ def _root_of_inverse(covariance: FloatArray) -> FloatArray:
 def second_opinion(
     table: Regression, delay: float, groups: Sequence[tuple[str, ...]]
 ) -> tuple[list[tuple[str, ...]], str]:
-    """Which groups of the terms of one log sparse regression asks for, and that in words.
-
-    Too short a log is not asked, for in a block of it terms are alike: then all groups stand.
-    """
+    """Which groups of terms sparse regression asks for, all of a short log, and that in words."""
     names, force = table.model.parameters, table.force(delay)
     if force.size < BLOCKS * (len(names) + 1) or not np.any(force):
         return list(groups), ""

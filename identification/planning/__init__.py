@@ -153,10 +153,7 @@ def plan_excitation(
 def _fitted(
     bench: DesignGrid, shape: Shape, devices: list[Guess], spread: float
 ) -> Candidate | Used:
-    """The shape on the controller's samples, friction and offset made up for, within all limits.
-
-    Returns what the last try used of the limits on these devices if none keeps them.
-    """
+    """The shape on the controller's samples within all limits, or what the last try used."""
     spec = bench.spec
     step = spec.sample_time
     net = shape.force((np.arange(spec.samples, dtype=np.float64) + 0.5) * step)

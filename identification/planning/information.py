@@ -67,10 +67,7 @@ class Response:
 
     @cached_property
     def _whitening(self) -> tuple[FloatArray, FloatArray]:
-        """Filter from position noise, the unknown force's part included, to unit white noise.
-
-        The steady Kalman filter in units of one reading: its innovations are white.
-        """
+        """The steady Kalman filter from position noise and unknown force to unit white noise."""
         size = self.acceleration_noise * self.step**2 / self.noise
         if size == 0:
             return np.array([1 / self.noise]), np.array([1.0])
@@ -146,11 +143,7 @@ class Answer:
 
 
 def sensitivities(force: FloatArray, guess: Guess, step: float) -> FloatArray:
-    """Derivatives of position by m, b, Fc, f0 and the velocity at the start, shape (n + 1, 5).
-
-    Turns and standstills move with the parameters, and rest forgets how the device got there. An
-    imaginary step far below rounding takes all of that along exactly.
-    """
+    """Derivatives of position by m, b, Fc, f0 and start velocity, turns and all, (n + 1, 5)."""
     middle = _numbers(guess)
     columns: list[FloatArray] = []
     for index in range(len(middle)):
@@ -169,10 +162,7 @@ def _numbers(guess: Guess) -> tuple[float, ...]:
 def _trace(
     force: FloatArray, device: tuple[complex, ...], step: float
 ) -> tuple[list[complex], list[complex]]:
-    """Position and velocity of (m, b, Fc, f0, velocity at the start).
-
-    Numbers are real or complex as the device is given; decisions go by real parts.
-    """
+    """Position and velocity of (m, b, Fc, f0, start velocity), or complex; real parts decide."""
     mass, damping, friction, offset, speed = device
     rate, grip = damping / mass, friction / mass
     coast, fall = step_response(rate, step)
@@ -508,11 +498,7 @@ class DesignGrid:
         return value, gradient / mass
 
     def loads(self, force: FloatArray) -> FloatArray:
-        """Force, then position and speed of each device, as parts of their limits.
-
-        A net force, in N, has shape (count,); the answer is one such row for each limit, all in one
-        column of shape (limits·count,).
-        """
+        """Force, then position and speed of each device, over their limits, (limits·count,)."""
         spec = self.spec
         rows = [force / force_room(spec)]
         for mass, response in self.devices:

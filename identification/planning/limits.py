@@ -75,10 +75,7 @@ def phi(delta: complex) -> tuple[complex, complex]:
 
 
 def step_response(rate: complex, span: complex) -> tuple[complex, complex]:
-    """Velocity and position after a unit force per mass for ``span`` s, from rest; real for reals.
-
-    The first is also the distance coasted in that time per unit of velocity.
-    """
+    """Velocity and position after a unit force per mass for ``span`` s; real for reals."""
     delta = rate * span
     first, second = phi(delta)
     if not isinstance(delta, complex):
@@ -444,11 +441,7 @@ _IDENTIFIED = 4  # quantities of a device that a plan rests on
 
 
 def gentle_spec(spec: ExcitationSpec) -> ExcitationSpec:
-    """Limits and guesses of a first play on a device that is hardly known.
-
-    Mass, damping and friction may be two times wrong either way, a constant force of 2 % of the
-    limit may act beside the one guessed; force and duration are reduced until that is safe.
-    """
+    """Limits and guesses of a first play on a device that is hardly known."""
     unplanned = max(_UNPLANNED) * spec.force
     offset = quantity(
         spec.force_offset.value,

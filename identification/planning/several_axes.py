@@ -178,10 +178,7 @@ def plan_axes(
 
 
 def _net_forces(bench: DesignGrid, count: int) -> tuple[FloatArray, tuple[FloatArray, ...]]:
-    """Net forces at the middles of the samples, N, shape (n, axes), and the lines of each, Hz.
-
-    The set of lines is that of the least merit, summed over the axes.
-    """
+    """Net forces in mid-sample, N, (n, axes), of least merit, and the lines of each axis, Hz."""
     spec = bench.spec
     middles = (np.arange(spec.samples, dtype=np.float64) + 0.5) * spec.sample_time
     best: tuple[float, FloatArray, tuple[FloatArray, ...]] | None = None
@@ -326,10 +323,7 @@ def _extremes(
 def _worst_motions(
     spec: ExcitationSpec, force: FloatArray, count: int, fitted: DevicesOfAxes, fastest: float
 ) -> tuple[WorstMotion, ...]:
-    """Worst travel and speed of any axis over the devices that a user may really have.
-
-    Those fitted to are among the stated ones.
-    """
+    """Worst travel and speed of any axis over the devices that a user may really have."""
     sets = list(regions(spec))
     worst: list[WorstMotion] = []
     for place, (name, words, region) in enumerate(sets):
@@ -342,10 +336,7 @@ def _worst_motions(
 
 
 def _predicted(force: FloatArray, spec: ExcitationSpec) -> tuple[Answer, dict[str, float]]:
-    """Motion of the guessed device, and half-widths of the entries of its matrices.
-
-    Friction, offset, start and, where it is not known, the delay take their share, as of one axis.
-    """
+    """Motion of the guessed device, and half-widths of the entries of its matrices."""
     guess, step, axes = spec.guess, spec.sample_time, spec.axes or ()
     count = len(axes)
     model = JointModel(axes=axes, coulomb=(guess.coulomb_friction > 0,) * count)

@@ -146,10 +146,7 @@ def _refuse_shape(path: Path, name: str, shape: tuple[int, ...] | None) -> None:
 
 
 def read_npz(path: Path, content: bytes, columns: LogColumns) -> Reading:
-    """Columns by role, one array a column, nothing unpickled; raises InvalidInputError.
-
-    A time of dates or durations becomes seconds.
-    """
+    """Columns by role, nothing unpickled, moments in seconds. Raises InvalidInputError."""
     remedy = "Save it again with numpy.savez(path, time=…, force=…, position=…)"
     with refused_as(path, "NumPy archive", remedy), ZipFile(BytesIO(content)) as archive:
         members = [name for name in archive.namelist() if name.endswith(_ENDING)]
@@ -203,10 +200,7 @@ _START = datetime(1900, 1, 1)
 
 
 def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
-    """Columns by role; a time of dates or times of day becomes seconds. Raises InvalidInputError.
-
-    Formulas count with the result that was stored; empty cells are NaN.
-    """
+    """Columns by role, moments in seconds, empty cells NaN. Raises InvalidInputError."""
     try:
         import openpyxl
     except ImportError:

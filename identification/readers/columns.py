@@ -254,10 +254,7 @@ def _suggested(present: Sequence[str], missing: Sequence[str]) -> str:
 def _column_for(
     path: Path, role: str, asked: str, present: Sequence[str], *, words: bool
 ) -> str | None:
-    """The column of the name asked for, of that with a unit, or of another word for the role.
-
-    A number that is no name takes the column of that place, counted from one.
-    """
+    """The column of the name asked for, of a place from one, with a unit, or by another word."""
     if asked in present:
         return asked
     if asked.isdecimal() and 1 <= int(asked[:6]) <= len(present):

@@ -113,10 +113,7 @@ def read_text(path: Path, content: bytes, columns: LogColumns) -> Reading:
 
 
 def table_of(path: Path, content: bytes, columns: LogColumns) -> Table:
-    """Where the log stands in a file of UTF-8 text.
-
-    Raises InvalidInputError for what is not certain, with the option that makes it so.
-    """
+    """Where the log stands in UTF-8 text. Raises InvalidInputError for what is not certain."""
     lines = beginning_of(content)
     counted = any(map(str.isdecimal, (columns.time, columns.force, columns.position)))
     samples = _first_samples(lines) if counted else None
@@ -307,10 +304,7 @@ def _is_comment(row: Row) -> bool:
 def _units_in(
     path: Path, row: Row, places: dict[str, int], columns: LogColumns
 ) -> dict[str, str] | None:
-    """Units by role that a row states; None for a row of something else.
-
-    Raises InvalidInputError if one is not known, and no gain makes it known.
-    """
+    """Units by role that a row states, or None. Raises InvalidInputError for an unknown one."""
     cells = _named_by(row)
     texts = {role: cells[place] for role, place in places.items() if place < len(cells)}
     texts = {role: text.strip("[]()") for role, text in texts.items() if text.strip("[]()-")}
@@ -456,10 +450,7 @@ def read_samples(path: Path, content: bytes, table: Table) -> Reading:
 
 
 def _plain_numbers(body: bytes, table: Table) -> dict[str, FloatArray] | None:
-    """Columns by role of samples whose every cell is a number with a decimal point.
-
-    None for others: quotes, rows of other lengths, empty cells or cells that are no number.
-    """
+    """Columns by role if all cells are numbers with decimal points in even rows, else None."""
     body = body.replace(b"\r\n", b"\n").removesuffix(b"\n")
     if table.decimal == "comma" or not body or _OTHER.search(body):
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar, cast, get_args
 from weakref import finalize
@@ -114,9 +114,9 @@ class Trajectory:
         if any(column.shape != (self.time.size,) for _, column in self.columns()):
             shapes = {name: column.shape for name, column in self.columns()}
             raise UsageError("columns", f"have shapes {shapes}", "Give one dimension, one length")
-        findings = _defects(self)
+        findings = tuple(each.of(self.source) for each in _defects(self))
         if findings:
-            raise LogRefusedError(tuple(each.of(self.source) for each in findings))
+            raise LogRefusedError(findings)
         object.__setattr__(self, "sample_time", float(np.median(np.diff(self.time))))
 
     def __repr__(self) -> str:
@@ -246,51 +246,46 @@ def _printed_digit(time: FloatArray, step: float) -> float:
     return 0.0
 
 
-def _defects(trajectory: Trajectory) -> tuple[Finding, ...]:
+def _defects(trajectory: Trajectory) -> Iterator[Finding]:
     """Everything that makes the numbers unusable whatever the estimator."""
     count, source = len(trajectory), trajectory.source
     if count < SHORTEST:
         seen, needed = f"{source} has {count} samples", f"at least {SHORTEST}"
-        return (refusal("too-short", seen=seen, needed=needed, remedy="Log for longer."),)
+        yield refusal("too-short", seen=seen, needed=needed, remedy="Log for longer.")
+        return
     bad = {name: np.flatnonzero(~np.isfinite(column)) for name, column in trajectory.columns()}
-    findings = [
-        refusal(
+    bad = {name: rows for name, rows in bad.items() if rows.size}
+    for name, rows in bad.items():
+        yield refusal(
             "non-finite",
             seen=f"{rows.size} of {count} values of {name} in {source} are "
             f"missing or infinite, the first in sample {rows[0]}",
             needed="a finite number in every row",
             remedy="Export the log again, or cut it to the part that is whole.",
         )
-        for name, rows in bad.items()
-        if rows.size
-    ]
-    if findings:
-        return tuple(findings)
+    if bad:
+        return
     time = trajectory.time
     backward = np.flatnonzero(np.diff(time) <= 0)
     if backward.size:
         first = int(backward[0])
-        findings.append(
-            refusal(
-                "clock-backward",
-                seen=f"time does not increase at {backward.size} of {count - 1} steps of {source}, "
-                f"first from {time[first]:g} s to {time[first + 1]:g} s",
-                needed="strictly increasing time in seconds",
-                remedy="Log a monotonic clock, or export with more digits of time; where another "
-                "trial begins, cut there and give each as a log of its own.",
+        yield refusal(
+            "clock-backward",
+            seen=f"time does not increase at {backward.size} of {count - 1} steps of {source}, "
+            f"first from {time[first]:g} s to {time[first + 1]:g} s",
+            needed="strictly increasing time in seconds",
+            remedy="Log a monotonic clock, or export with more digits of time; where another "
+            "trial begins, cut there and give each as a log of its own.",
+        )
+    for name in () if trajectory.may_stand else ("force", "position"):
+        column = getattr(trajectory, name)
+        if np.ptp(column) == 0:
+            yield refusal(
+                "constant-column",
+                seen=f"{name} in {source} is {column[0] + 0.0:g} in every row",
+                needed="a column that varies",
+                remedy=f"Name the right column with --{name}, or drive the device while logging.",
             )
-        )
-    findings.extend(
-        refusal(
-            "constant-column",
-            seen=f"{name} in {source} is {column[0] + 0.0:g} in every row",
-            needed="a column that varies",
-            remedy=f"Name the right column with --{name}, or drive the device while logging.",
-        )
-        for name, column in trajectory.columns()
-        if name in {"force", "position"} and np.ptp(column) == 0 and not trajectory.may_stand
-    )
-    return tuple(findings)
 
 
 def refuse_sizes(trajectory: Trajectory) -> None:

@@ -7,7 +7,7 @@ factor and no residual. These facts come from a person or a data sheet, or nothi
 from __future__ import annotations
 
 import datetime
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from typing import Annotated, Any, Literal, cast, get_args
@@ -373,7 +373,7 @@ class SuggestedFacts:
         peak = min(self._largest_force(), LARGEST)
         return ForceLimit(continuous=peak, peak=peak, source="log")
 
-    def not_stated(self, hardware: Hardware) -> tuple[Finding, ...]:
+    def not_stated(self, hardware: Hardware) -> Iterator[Finding]:
         """``not-stated``: facts that no hardware file states, and what the logs suggest of them."""
         facts: list[str] = []
         if self.logs[0].motion is None:
@@ -389,13 +389,11 @@ class SuggestedFacts:
         if facts and hardware.delay is None:  # alone it need not be stated
             given = self.delay(hardware)
             facts.append(f"delay ({given.low * 1e3:.4g} to {given.high * 1e3:.4g} ms by the log)")
-        if not facts:
-            return ()
-        finding = Finding(
-            code="not-stated",
-            seen="nobody states " + ", ".join(facts),
-            needed="facts from a data sheet, in N, m (N·m, rad) and s, before anything is "
-            "certified",
-            remedy="State them in the hardware file (--hardware).",
-        )
-        return (finding,)
+        if facts:
+            yield Finding(
+                code="not-stated",
+                seen="nobody states " + ", ".join(facts),
+                needed="facts from a data sheet, in N, m (N·m, rad) and s, before anything is "
+                "certified",
+                remedy="State them in the hardware file (--hardware).",
+            )

@@ -6,7 +6,7 @@ Columns of a bag (MCAP) are fields of messages, rows are messages of one stamp.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, time, timedelta
 from io import BytesIO
@@ -215,10 +215,10 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
         named: list[Any] = []
         others: list[Any] = []
         for sheet in book.worksheets:
-            first = _Sheet(path, sheet, _BEGINNING).text
-            if find_table(path, beginning_of(first), columns) is not None:
+            text, _ = _written(path, sheet, _BEGINNING)
+            if find_table(path, beginning_of(text), columns) is not None:
                 named.append(sheet)
-            elif first.strip():
+            elif text.strip():
                 others.append(sheet)
         if len(named) > 1:
             names = ", ".join(f"'{quote(sheet.title)}'" for sheet in named[:10])
@@ -227,29 +227,22 @@ def read_excel(path: Path, content: bytes, columns: LogColumns) -> Reading:
         if not named and not others:
             raise InvalidInputError(path, "has no table on any sheet", "Export the log again")
         chosen = (named or others)[0]
-        cells = _Sheet(path, chosen)
-        table = table_of(path, cells.text, columns)
-        reading = read_samples(path, cells.text, table)
+        text, moments = _written(path, chosen)
+        table = table_of(path, text, columns)
+        reading = read_samples(path, text, table)
         notes = () if len(book.worksheets) == 1 else (f"sheet '{quote(chosen.title)}'",)
-        moments = table.places["time"] in cells.first
-        return replace(reading, notes=(*notes, *reading.notes), in_seconds=moments)
+        in_seconds = table.places["time"] in moments
+        return replace(reading, notes=(*notes, *reading.notes), in_seconds=in_seconds)
 
 
-class _Sheet:
-    """A sheet as lines of cells between tabs."""
+def _written(path: Path, sheet: Any, most: int | None = None) -> tuple[bytes, Container[int]]:
+    """A sheet, so many of its rows at most, as cells between tabs; its columns of moments.
 
-    def __init__(self, path: Path, sheet: Any, most: int | None = None) -> None:
-        """Takes a sheet of openpyxl, so many of its rows at most."""
-        #: The first date, time of day or duration by column; cells are seconds since.
-        self.first: dict[int, timedelta] = {}
-        rows = (
-            "\t".join(map(self._cell, range(len(row)), row))
-            for row in islice(_rows(path, sheet), most)
-        )
-        # Down to the last line that is not empty.
-        self.text = "\n".join(rows).rstrip("\t\n").encode() + b"\n"
+    A date, time of day or duration becomes seconds since the first of its column.
+    """
+    first: dict[int, timedelta] = {}
 
-    def _cell(self, place: int, cell: Any) -> str:
+    def written(place: int, cell: Any) -> str:
         if isinstance(cell, (int, float)):
             return repr(cell)
         moment = cell
@@ -258,15 +251,20 @@ class _Sheet:
         if isinstance(moment, datetime):
             moment -= _START
         if isinstance(moment, timedelta):
-            return repr((moment - self.first.setdefault(place, moment)).total_seconds())
+            return repr((moment - first.setdefault(place, moment)).total_seconds())
         return "" if cell is None else " ".join(str(cell).replace('"', "").split())
 
+    rows = ("\t".join(map(written, range(len(row)), row)) for row in _rows(path, sheet, most))
+    # Down to the last line that is not empty.
+    return "\n".join(rows).rstrip("\t\n").encode() + b"\n", first
 
-def _rows(path: Path, sheet: Any) -> Iterator[tuple[Any, ...]]:
-    """Rows of values, however far down cells claim to stand."""
+
+def _rows(path: Path, sheet: Any, most: int | None) -> Iterator[tuple[Any, ...]]:
+    """Rows of values, so many at most, however far down cells claim to stand."""
     sheet.reset_dimensions()
+    rows: Iterator[tuple[Any, ...]] = islice(sheet.iter_rows(values_only=True), most)
     empty = 0
-    for count, row in enumerate(sheet.iter_rows(values_only=True), 1):
+    for count, row in enumerate(rows, 1):
         refuse_long(path, count)
         empty = 0 if any(cell is not None for cell in row) else empty + 1
         if empty > _MOST_EMPTY:

@@ -59,14 +59,10 @@ class JointModel:
 
     def matrices(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Λ and D from the first of all values."""
-        count = len(self.pairs)
-        return self._filled(values[:count]), self._filled(values[count : 2 * count])
-
-    def _filled(self, entries: FloatArray) -> FloatArray:
-        matrix = np.empty((len(self.axes), len(self.axes)))
-        for (row, column), entry in zip(self.pairs, entries.tolist(), strict=True):
-            matrix[row, column] = matrix[column, row] = entry
-        return matrix
+        both = np.empty((2, len(self.axes), len(self.axes)))
+        one, other = np.array(self.pairs).T
+        both[:, one, other] = both[:, other, one] = values[: 2 * one.size].reshape(2, -1)
+        return both[0], both[1]
 
     def friction(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coulomb friction and offset of each axis that moves alone, zero where not estimated."""

@@ -359,9 +359,7 @@ class _Block:
         return cls(
             parts=len(spans),
             maps=maps.reshape(count, 2, steps * axes, -1),
-            stuck=np.array(
-                [axis for axis in range(axes) if axis not in pattern.free], dtype=np.intp
-            ),
+            stuck=np.setdiff1d(np.arange(axes, dtype=np.intp), pattern.free),
             pattern=pattern,
         )
 

@@ -455,32 +455,24 @@ def process_noise_covariance(
     counts = np.diff(starts, append=rows)
     unit, norms = unit_columns(jacobian.T)
     sums = np.add.reduceat(unit.T, starts, axis=1)
-    pushed = _Pushed(mass, max(rate, 0.0), step * rows / parts)
-    variance = _variance(sums / counts, np.add.reduceat(residual, starts) / counts, pushed)
+    push = StepResponse.during(step * rows / parts, max(rate, 0.0))
+    variance = _variance(sums / counts, np.add.reduceat(residual, starts) / counts, push, mass)
     inverse = symmetric_inverse(unit.T @ unit, _SPANNED)[:keep]
-    moved = pushed.back(inverse @ sums / norms[:keep, None])
+    moved = _pushed(inverse @ sums / norms[:keep, None], push, mass)
     return variance * moved @ moved.T
 
 
-class _Pushed:
-    """Positions under a force held for one part of a log each, from rest."""
-
-    def __init__(self, mass: float, rate: float, span: float) -> None:
-        push = StepResponse.during(span, rate)
-        speed, place, decay = float(push.speed), float(push.place), float(push.decay)
-        self._above = np.array([place, speed * speed - place * decay]) / mass
-        self._below = -1.0 - decay, decay
-
-    def back(self, weights: FloatArray) -> FloatArray:
-        """Weights of the forces in sums of positions with these weights, shape (..., parts)."""
-        turned = recursive(weights[..., ::-1], *self._below)
-        forces = np.zeros_like(turned)
-        forces[..., 1:] = self._above[0] * turned[..., :-1]
-        forces[..., 2:] += self._above[1] * turned[..., :-2]
-        return forces[..., ::-1]
+def _pushed(weights: FloatArray, push: StepResponse, mass: float) -> FloatArray:
+    """Weights of forces, held for a part of a log each, in sums of positions with these weights."""
+    speed, place, decay = float(push.speed), float(push.place), float(push.decay)
+    turned = recursive(weights[..., ::-1], -1.0 - decay, decay)
+    forces = np.zeros_like(turned)
+    forces[..., 1:] = place / mass * turned[..., :-1]
+    forces[..., 2:] += (speed * speed - place * decay) / mass * turned[..., :-2]
+    return forces[..., ::-1]
 
 
-def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> float:
+def _variance(columns: FloatArray, residual: FloatArray, push: StepResponse, mass: float) -> float:
     """The likeliest variance of a force held for one part each, beside columns the fit took up."""
     parts = residual.size
     line = np.arange(1, min(_LINES, parts // 2) + 1)[:, None]
@@ -489,7 +481,7 @@ def _variance(columns: FloatArray, residual: FloatArray, pushed: _Pushed) -> flo
     seen = _directions(lines - (lines @ taken.T) @ taken, parts / 2)
     if not seen.size:
         return 0.0
-    forces = pushed.back(seen)
+    forces = _pushed(seen, push, mass)
     shares, axes = np.linalg.eigh(forces @ forces.T)
     power = (axes.T @ (seen @ residual)) ** 2
     rest = parts - len(taken) - len(seen)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
-from typing import Protocol, cast
+from types import ModuleType
 
 import numpy as np
 
@@ -49,16 +49,6 @@ from identification.fitting.log_fit import LogFit
 from identification.trajectory import NORMAL_95, FloatArray, Trajectory, encoder_count, most_excited
 
 _DELAY_STEP = 0.05  # change of delay, in samples, for the slope of the estimates over delay
-
-
-class _Estimator(Protocol):
-    """What every file of estimators has."""
-
-    def fit(self, table: Regression, delay: float, *, fits_delay: bool = False) -> Estimate: ...
-
-    def point(
-        self, table: Regression, delay: float, *, fits_delay: bool = False
-    ) -> PointEstimate: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,10 +190,9 @@ class PreparedLog:
         return replace(found, covariance=found.covariance + added)
 
 
-def _estimator(method: str) -> _Estimator:
+def _estimator(method: str) -> ModuleType:
     """The file of one method; only those that a log needs are loaded."""
-    module = import_module(f"identification.estimators.{method.replace('-', '_')}")
-    return cast("_Estimator", module)
+    return import_module(f"identification.estimators.{method.replace('-', '_')}")
 
 
 #: A residual of at most this many counts rms is the encoder's own, whatever its colour: rounding

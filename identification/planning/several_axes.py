@@ -144,9 +144,7 @@ def plan_axes(
         played = _coarse(*played, fastest) if coarse else played
         return Used.of(wanted, force, *_extremes(devices, *played), spread)
 
-    def farthest(force: FloatArray) -> IndexArray:
-        return _farthest(every, force, wanted.sample_time, fastest)
-
+    farthest = partial(_farthest, every, step=wanted.sample_time, fastest=fastest)
     # Most of the way goes at a coarse step.
     fitted = _some(every, farthest(force_at(1.0)))
     found = fit_to_limits(force_at, partial(used_by, devices=fitted, coarse=True))

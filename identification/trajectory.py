@@ -376,11 +376,7 @@ def _noise_of(position: FloatArray, force: FloatArray, steps: float | FloatArray
 
 
 def finest_reading(position: FloatArray, force: FloatArray) -> float:
-    """Resolution of a log that does not state one: the encoder's count, m.
-
-    If noise exceeds the rounding of that count, or there is no count, the count whose rounding
-    would be as large as the noise.
-    """
+    """Resolution of a log that states none, m: its count, or one that rounds as much as noise."""
     count = encoder_count(position)
     equivalent = float(np.sqrt(12.0)) * position_noise(position, force)
     if count is not None and equivalent < _HIDDEN * count:
@@ -389,11 +385,7 @@ def finest_reading(position: FloatArray, force: FloatArray) -> float:
 
 
 def most_excited(trajectory: Trajectory) -> Trajectory:
-    """The consecutive MOST_FITTED samples with the largest mean square velocity.
-
-    A shorter log is returned whole. Findings still look at the whole log, so a device that changed
-    in the part left out is seen.
-    """
+    """The consecutive MOST_FITTED samples with the largest mean square velocity, or fewer: all."""
     spare = len(trajectory) - MOST_FITTED
     if spare <= 0:
         return trajectory

@@ -121,11 +121,10 @@ def _filtered(prepared: JointLog, method: JointMethod) -> JointEstimate:
 def solve_rows(
     prepared: JointLog, positions: Sequence[Sequence[FloatArray]] | None, *, symmetric: bool = True
 ) -> tuple[FloatArray, Spread]:
-    """Unknowns of the filtered rows, shape (p,), and their spread; SI units.
+    """Unknowns of the filtered rows, shape (p,), and their spread, cut-offs included; SI units.
 
     Instruments are columns of the positions, of each log (n,) an axis, m; least squares where they
-    are None. Matrices that are not ``symmetric`` have more unknowns, see ``Rows.with_halves``. What
-    half and twice the cut-off move is one more standard deviation, as of one axis.
+    are None. Matrices that are not ``symmetric`` have more unknowns, see ``Rows.with_halves``.
     """
 
     def tested(log: JointLog) -> tuple[FloatArray, Rows, FloatArray]:

@@ -69,11 +69,7 @@ class HeldColumn:
         return self.level + self.added(self.left) / self.steps if self.change.size else self.level
 
     def triangle(self) -> FloatArray:
-        """Integral over a triangle about each inner sample by the mean step, shape (n - 2,).
-
-        The triangle is 1 at its sample and 0 at both neighbours. Held evenly it is
-        (x[k] + x[k-1])/2.
-        """
+        """Integral over a triangle, 1 at an inner sample, 0 beside, by the mean step, (n - 2,)."""
         half = self.level * self.steps / 2
         if not self.change.size:
             falling = rising = half

@@ -504,11 +504,9 @@ _OTHER: dict[type[_Kind], float] = {_Play: 0.7, _Elastic: 0.6, _Uneven: 0.15}
 def find_dynamics(
     log: Trajectory, whole: Regression, late: float, hardware: Hardware, *, least: float
 ) -> Dynamics | None:
-    """The kind that takes most of what the model leaves away; None if there is none.
+    """The kind that takes most of what the model leaves away; None where there is none.
 
-    None also where a delay other than the one stated does as well. The regression is that of the
-    log, with its delay in s; ``least`` is the part of the force that laws of friction leave,
-    mean squares.
+    None also where another delay does as well, or friction, which leaves ``least``, mean squares.
     """
     part, table = excited_part(log, _LONGEST), whole
     if part is not log:

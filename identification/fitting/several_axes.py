@@ -123,12 +123,7 @@ class AxesFit:
 def fit_axes(
     logs: Sequence[Trajectories], hardware: Hardware, method: Method, allow: Collection[str]
 ) -> AxesFit:
-    """Estimate the matrices of a device from logs of all its axes, of one pose or several.
-
-    A log that drives all axes is a pose. Logs that drive some belong together, in their order,
-    until all axes are driven. Arguments and errors are those of ``identify``; methods are "auto",
-    "least-squares", "instruments" and "output-error".
-    """
+    """Estimate the matrices of a device at each pose; arguments and errors as of ``identify``."""
     if method != "auto" and method not in get_args(JointMethod):
         known = ", ".join(get_args(JointMethod))
         raise UsageError("--method", f"{method} is for one axis", f"Choose from auto, {known}")

@@ -262,12 +262,7 @@ _REMEDY = "Save it again, or export it as CSV, which needs no such reader"
 
 
 def read_isolated(reader: str, path: Path, content: bytes, columns: LogColumns) -> Reading:
-    """Columns by role, read by a function of this package (MODULE.FUNCTION) in another process.
-
-    Raises:
-        InvalidInputError: as the function does; or it ended by a signal, took too long or too much
-            memory.
-    """
+    """Columns by role, read by MODULE.FUNCTION in another process. Raises InvalidInputError."""
     seconds = max(_SECONDS, round(_SECONDS_A_BYTE * len(content)))
     memory = _MEMORY + _MEMORY_A_BYTE * len(content)
     job: dict[str, Any] = {"reader": reader, "path": os.fspath(path), "columns": asdict(columns)}

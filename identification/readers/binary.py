@@ -311,14 +311,10 @@ class _Messages:
 
 
 def read_mcap(path: Path, content: bytes, columns: LogColumns) -> Reading:
-    """Columns by role, named TOPIC/FIELD such as /joint_states/position[0].
+    """Columns by role, named TOPIC/FIELD: /joint_states/position[0]. Raises InvalidInputError.
 
     Time is the stamp in the header of the messages, unless ``columns.time`` names a field,
     log_time or publish_time. Fields of several topics are joined where their stamps are equal.
-
-    Raises:
-        InvalidInputError: no such topic or field, topics that are not stamped together, a bag that
-            cannot be read.
     """
     try:
         from mcap.reader import make_reader

@@ -395,15 +395,10 @@ def say_gains_by_axis(remedy: str, names: Sequence[str], place: int) -> str:
 def conversion_of(
     path: Path, reading: Reading, columns: LogColumns, motion: Motion | None
 ) -> tuple[dict[str, float], frozenset[str], tuple[str, ...]]:
-    """What makes columns SI: gains given, else units in their names.
+    """What makes columns SI: gains given, else units in their names. Raises InvalidInputError.
 
-    Returns:
-        By role, what the column is multiplied with; of "force" and "position", those whose unit a
-        person or the file stated; what was understood from names, in words.
-
-    Raises:
-        InvalidInputError: a unit that is not known, that depends on the device, that is not of the
-            axis's motion, or that contradicts the gain given.
+    By role, the factor of the column; of "force" and "position", those whose unit a person or the
+    file stated; what was understood from names, in words.
     """
     names = reading.names
     units = {

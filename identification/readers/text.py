@@ -125,11 +125,7 @@ def table_of(path: Path, content: bytes, columns: LogColumns) -> Table:
 
 
 def find_table(path: Path, lines: Sequence[str], columns: LogColumns) -> Table | None:
-    """The table below the line that names the columns of the log; None where no line does.
-
-    Raises InvalidInputError for a line that no table of a log has down to it, for a row of units of
-    which one is not known, and for lines above it where those below are no samples.
-    """
+    """The table below the line that names the columns, or None. Raises InvalidInputError."""
     named: Table | None = None
     for header, line in enumerate(lines[:_MOST_ABOVE]):
         written = line.encode()
@@ -163,11 +159,7 @@ def find_table(path: Path, lines: Sequence[str], columns: LogColumns) -> Table |
 
 
 def _table_by_numbers(path: Path, lines: Sequence[str], columns: LogColumns) -> Table:
-    """The table of the first line of numbers, its header the last line above of as many cells.
-
-    Without one the columns have their places for names. Raises InvalidInputError where these are
-    not the columns asked for.
-    """
+    """The table of the first line of numbers, below as many names, or named by its places."""
     top, line = next(((row, line) for row, line in enumerate(lines) if line.strip()), (0, ""))
     usual = max(",;\t", key=line.count)
     header, first, separator = _first_samples(lines) or (top, top + 1, usual)
@@ -236,11 +228,7 @@ def _roles_of(path: Path, row: Row, columns: LogColumns) -> dict[str, str] | Non
 def _laid_out(
     path: Path, above: Sequence[Row], below: Sequence[Row], separator: str, columns: LogColumns
 ) -> Table | None:
-    """The table of a header, the last row of those above, and the first rows below it.
-
-    None where rows around the header are neither comments nor units. Raises InvalidInputError for a
-    row of units of which one is not known, or contradicts the header.
-    """
+    """The table of a header, the last row of those above, and the first rows below it; or None."""
     header = len(above) - 1
     wanted = _roles_of(path, above[header], columns)
     if wanted is None:

@@ -76,23 +76,6 @@ _NAMED_SHARE = 0.01  # a kind named in a finding makes up at least this part of 
 _STEEPEST = 10.0
 
 
-def _smooth_speed(table: Regression) -> FloatArray:
-    """Velocity of each interval, as smooth as noise of position asks for and no more.
-
-    White noise of deviation σ has σ²·h/(4·√π·w³) of variance in the velocity under a bell of
-    deviation w. The low-pass of the table, which is set by the acceleration, is the widest.
-    """
-    from scipy.ndimage import gaussian_filter1d
-
-    signals = table.signals
-    noisy = signals.noise**2 * signals.step / (4 * np.sqrt(np.pi) * _SPEED_NOISE)
-    width = (
-        min(float(np.cbrt(noisy / np.var(signals.speed))), width_of(table.cut_off.frequency))
-        / signals.step
-    )
-    return np.asarray(gaussian_filter1d(signals.speed, width, mode="nearest"), dtype=np.float64)
-
-
 def stop_operators(position: FloatArray, widths: Sequence[float]) -> FloatArray:
     """Stretch of each spring over its width, -1 to 1, from rest at the first sample."""
     moves = np.diff(position).tolist()
@@ -188,7 +171,17 @@ class _Forces:
 
     @cached_property
     def _speed(self) -> FloatArray:
-        return _smooth_speed(self.table)
+        """Velocity of each interval, as smooth as noise of position asks for and no more.
+
+        White noise of deviation σ has σ²·h/(4·√π·w³) of variance in the velocity under a bell of
+        deviation w. The low-pass of the table, which is set by the acceleration, is the widest.
+        """
+        from scipy.ndimage import gaussian_filter1d
+
+        signals, widest = self.table.signals, width_of(self.table.cut_off.frequency)
+        noisy = signals.noise**2 * signals.step / (4 * np.sqrt(np.pi) * _SPEED_NOISE)
+        width = min(float(np.cbrt(noisy / np.var(signals.speed))), widest) / signals.step
+        return np.asarray(gaussian_filter1d(signals.speed, width, mode="nearest"), dtype=np.float64)
 
     @cached_property
     def _place(self) -> FloatArray:
@@ -336,21 +329,15 @@ def _kinds(own: Blocks[Kind]) -> list[Kind]:
         left = own.left(kinds)
         others: list[Kind] = [kind for kind in own.members if kind not in kinds]
         gone: dict[Kind, float] = {each: left - own.left([*kinds, each]) for each in others}
-        noticed: list[Kind] = [
-            each for each in others if _noticed(own, each, kinds, gone[each], left)
-        ]
+        noticed: list[Kind] = []
+        for each in others:
+            part = _FURTHER if kinds or each == "position" else 0.0 if each == "drag" else _FIRST
+            if gone[each] >= max(_LEAST[each] ** 2, part * left) and _is_sure(own, each, kinds):
+                noticed.append(each)
         if not noticed:
             break
         kinds.append(max(noticed, key=gone.__getitem__))
     return kinds
-
-
-def _noticed(
-    own: Blocks[Kind], kind: Kind, beside: Sequence[Kind], gone: float, left: float
-) -> bool:
-    """Whether what a kind takes away from what is left, mean squares, is large enough and sure."""
-    part = _FURTHER if beside or kind == "position" else 0.0 if kind == "drag" else _FIRST
-    return gone >= max(_LEAST[kind] ** 2, part * left) and _is_sure(own, kind, beside)
 
 
 def _curve(own: Blocks[Kind], kinds: Sequence[Kind], forces: _Forces) -> FrictionCurve:

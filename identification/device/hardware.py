@@ -265,8 +265,7 @@ def question(
     """The error that asks for all facts missing at once, and hints at what comes from a log."""
     facts = tuple(
         Unstated(key=fact, write=_WRITE[fact], hint=_hint(fact, content.get(fact)))
-        for fact in FACTS
-        if fact in missing
+        for fact in missing
     )
     return UnstatedError(fspath(subject), facts, where)
 

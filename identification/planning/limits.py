@@ -504,19 +504,11 @@ def _duration(spec: ExcitationSpec, force: float, mass: float, damping: float) -
 
 def load_excitation(path: str | PathLike[str]) -> ExcitationSpec:
     """Read and validate excitation.yaml, and the device it names. Raises InvalidInputError."""
-    return spec_from_device(load_document(ExcitationSpec, path), Path(path).parent)
-
-
-def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
-    """The spec with the guesses replaced by what its device file says.
-
-    The 95 % intervals of the file are widened to hold all at once with 99.9 %, as they are for
-    certificates: a play has to keep its limits on more than 95 devices of 100.
-    """
+    spec = load_document(ExcitationSpec, path)
     if spec.device is None:
         return spec
     known = spec.device in named_devices()
-    device = load_device(spec.device if known else folder / spec.device)
+    device = load_device(spec.device if known else Path(path).parent / spec.device)
     if device.motion != spec.motion:
         raise InvalidInputError(
             spec.device,
@@ -536,6 +528,8 @@ def spec_from_device(spec: ExcitationSpec, folder: Path) -> ExcitationSpec:
             "has a force of position (position_stiffness or gravity), which no plan knows",
             "Level or counterbalance the axis and take off springs, then identify it again",
         )
+    # The 95 % intervals of the file are widened to hold all at once with 99.9 %, as they are for
+    # certificates: a play has to keep its limits on more than 95 devices of 100.
     box = device.simultaneous_box()
     factor = device.widening(least=_IDENTIFIED)
     friction, offset = device.coulomb_friction, device.force_offset

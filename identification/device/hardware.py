@@ -13,7 +13,7 @@ from os import PathLike, fspath
 from typing import Annotated, Any, Literal, cast, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from identification.device.quantities import (
     LARGEST,
@@ -107,10 +107,6 @@ Label = Annotated[str, BeforeValidator(_one_line), Field(max_length=_LONGEST)]
 Day = Annotated[str, BeforeValidator(_iso_date), Field(json_schema_extra={"format": "date"})]
 
 
-def _handle_may_be_left_out(schema: dict[str, Any]) -> None:
-    schema["properties"]["at_handle"]["description"] = "left out: the same as at_encoder"
-
-
 class Mode(Document):
     """One vibration mode of the mechanism, in generalised coordinates.
 
@@ -125,12 +121,14 @@ class Mode(Document):
         at_handle: h, the participation at the handle; left out: the same as at_encoder.
     """
 
-    model_config = ConfigDict(json_schema_extra=_handle_may_be_left_out)
-
     frequency_hz: PositiveQuantity
     damping_ratio: PositiveQuantity
     at_encoder: float = Field(ge=-_LARGEST_PARTICIPATION, le=_LARGEST_PARTICIPATION)
-    at_handle: float = Field(ge=-_LARGEST_PARTICIPATION, le=_LARGEST_PARTICIPATION)
+    at_handle: float = Field(
+        ge=-_LARGEST_PARTICIPATION,
+        le=_LARGEST_PARTICIPATION,
+        description="left out: the same as at_encoder",
+    )
 
     @model_validator(mode="before")
     @classmethod

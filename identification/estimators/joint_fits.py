@@ -157,7 +157,8 @@ def noise_free_positions(prepared: JointLog) -> Sequence[Sequence[FloatArray]]:
     theta = play.start()
     if not play.allowed(theta):
         raise NoMassError
-    return [list(each) for each in play.whole(play.positions(theta))]
+    positions = [play.positions(part, theta[None])[0] for part in range(len(play.forces))]
+    return [list(each) for each in play.whole(positions)]
 
 
 def devices_of(model: JointModel, thetas: FloatArray, delays: FloatArray) -> DevicesOfAxes:
@@ -272,12 +273,8 @@ class _Playing:
         size = 2 * self.prepared.count
         return slice(self.count + part * size, self.count + (part + 1) * size)
 
-    def positions(self, theta: FloatArray) -> list[FloatArray]:
-        """Those of each log from the first known sample on, m, shape (rows, axes)."""
-        return [self._positions(part, theta[None])[0] for part in range(len(self.forces))]
-
-    def _positions(self, part: int, thetas: FloatArray) -> FloatArray:
-        """Those of one log, shape (thetas, rows, axes)."""
+    def positions(self, part: int, thetas: FloatArray) -> FloatArray:
+        """Those of a log from the first known sample on, m, shape (thetas, rows, axes)."""
         delays = np.array([self.delay(each) for each in thetas])
         own = np.hstack((thetas[:, : self.count], thetas[:, self._tail(part)]))
         devices = devices_of(self.prepared.model, own, delays)
@@ -293,7 +290,7 @@ class _Playing:
         for part in range(len(self.forces)):
             # Where another log starts moves nothing in this one.
             kept = [*range(self.count), *range(len(theta))[self._tail(part)]]
-            found = self._positions(part, moved[[0, *(place + 1 for place in kept)]])
+            found = self.positions(part, moved[[0, *(place + 1 for place in kept)]])
             slopes = np.zeros((len(theta), *found.shape[1:]))
             slopes[kept] = (found[1:] - found[0]) / self.sizes[kept, None, None]
             all_positions.append(found[0])

@@ -157,22 +157,14 @@ def identify(
         tuple(each.of(log.source) for each in inspect(log, hardware)) for log in trajectories
     ]
     refuse(noticed, allow)
-    clocked = [_clocked(log, hardware) for log in trajectories]
-    timed = [
-        restored(log)
-        if {"lost-rows", "repeated-rows"} & {each.code for each in found}
-        else Restored(trajectory=log)
-        for log, found in zip(clocked, noticed, strict=True)
-    ]
-    fits = [fit_log(each.trajectory, hardware, method) for each in timed]
-    fits = [
-        replace(fit, estimate=each.carried_by(fit.estimate))
-        for fit, each in zip(fits, timed, strict=True)
-    ]
-    noticed = [
-        found + tuple(each.of(fit.trajectory.source) for each in fit.findings)
-        for found, fit in zip(noticed, fits, strict=True)
-    ]
+    fits: list[LogFit] = []
+    for place, log in enumerate(trajectories):
+        timed = Restored(trajectory=_clocked(log, hardware))
+        if {"lost-rows", "repeated-rows"} & {each.code for each in noticed[place]}:
+            timed = restored(timed.trajectory)
+        fit = fit_log(timed.trajectory, hardware, method)
+        fits.append(replace(fit, estimate=timed.carried_by(fit.estimate)))
+        noticed[place] += tuple(each.of(log.source) for each in fit.findings)
     refuse(noticed, allow)
     if any(fit.estimate.value("mass") <= 0 for fit in fits):  # no permission makes a device of it
         raise LogRefusedError(tuple(finding for found in noticed for finding in found))

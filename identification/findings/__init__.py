@@ -372,21 +372,19 @@ def _one_way(
     )
 
 
-#: A mass, kg, or inertia, kg·m², that is no handle's: a forging press, and a fly's wing.
-_MASS: dict[Motion | None, tuple[float, float]] = {
-    "linear": (1e-4, 1000.0),
-    "rotary": (1e-9, 100.0),
-    None: (1e-9, 1000.0),
+#: A mass or inertia that is no handle's: a fly's wing, and a forging press; and its unit.
+_MASS: dict[Motion | None, tuple[float, float, str]] = {
+    "linear": (1e-4, 1000.0, "kg"),
+    "rotary": (1e-9, 100.0, "kg·m²"),
+    None: (1e-9, 1000.0, "kg (kg·m²)"),
 }
-_MASS_UNIT: dict[Motion | None, str] = {"linear": "kg", "rotary": "kg·m²", None: "kg (kg·m²)"}
 
 
 def mass_unit(trajectory: Trajectory, mass: float) -> Iterator[Finding]:
     """``force-unit`` where the mass is none a device has."""
-    low, high = _MASS[trajectory.motion]
+    low, high, unit = _MASS[trajectory.motion]
     if low <= mass <= high or mass <= 0:
         return
-    unit = _MASS_UNIT[trajectory.motion]
     yield refusal(
         "force-unit",
         seen=f"{trajectory.source} gives a mass of {mass:.3g} {unit}",

@@ -59,7 +59,6 @@ _CLOCKS = (
 #: Hardware and log may differ by this part in sample time; mass goes with its square.
 _SAMPLE_TIME_TOLERANCE = 0.01
 _LONGEST_DELAY = 0.1  # a stated delay may be this part of the log
-_ORDINALS = {2: "second", 3: "third"}
 
 
 def sampling(trajectory: Trajectory, hardware: Hardware) -> Iterator[Finding]:
@@ -203,7 +202,7 @@ def _against_hardware(
                 else "State sample_time of the hardware file in seconds.",
             )
             return
-    nth = _ORDINALS.get(round(ratio), f"{round(ratio)}th")
+    nth = {2: "second", 3: "third"}.get(round(ratio), f"{round(ratio)}th")
     if ratio > LOST and abs(ratio / round(ratio) - 1) <= _SAMPLE_TIME_TOLERANCE:
         yield refusal(
             "dropped-samples",

@@ -19,8 +19,6 @@ MOST_SAMPLES = 20_000_000
 _MOST_NAMED = 20
 #: Characters of a file's own text quoted in a message at most.
 _LONGEST_QUOTE = 40
-#: The column a table may have without being asked for it.
-_DEFAULT_REFERENCE = "reference"
 #: A gain this part off the unit in the name contradicts it: 0.0174533 is degrees, 0.0175 is not.
 _SAME = 1e-4
 #: A unit in brackets, or behind a slash or "in"; digits alone count elements of an array.
@@ -208,7 +206,7 @@ def column_names(
     """
     asked = {"time": columns.time, "force": columns.force, "position": columns.position}
     if columns.reference is not None or table:
-        asked["reference"] = columns.reference or _DEFAULT_REFERENCE
+        asked["reference"] = columns.reference or "reference"
     found = {
         role: _column_for(path, role, name, present, words=table) for role, name in asked.items()
     }

@@ -61,28 +61,18 @@ _NOTHING = 1e-30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Structure:
-    """What decides the shape of the graph; equal structures share compiled functions of (y, p).
-
-    Attributes:
-        combinations: members by effect of each combination.
-        quiet: whether the ripple of each is bound.
-        ratios: (i, j) of sizes whose ratio is bound.
-        shapes: (degree, scenarios, position bound by device or hand) of the loops.
-        laws: degree of the control law, for the ripple; 0 without an encoder.
-        bound: the device's own force by position binds it, hand off.
-        linear: rows.
-        felt: limits on what is felt that are no rows.
-    """
+    """What decides the shape of the graph; equal structures share compiled functions of (y, p)."""
 
     signs: tuple[int, ...]
-    combinations: tuple[tuple[tuple[int, ...], ...], ...]
-    quiet: tuple[bool, ...]
-    ratios: tuple[tuple[int, int], ...]
+    combinations: tuple[tuple[tuple[int, ...], ...], ...]  # members by effect of each combination
+    quiet: tuple[bool, ...]  # whether the ripple of each is bound
+    ratios: tuple[tuple[int, int], ...]  # (i, j) of sizes whose ratio is bound
+    # (degree, scenarios, position bound by device or hand) of the loops
     shapes: tuple[tuple[int, int, bool], ...]
-    laws: int
-    bound: bool
-    linear: int
-    felt: int
+    laws: int  # degree of the control law, for the ripple; 0 without an encoder
+    bound: bool  # the device's own force by position binds it, hand off
+    linear: int  # rows
+    felt: int  # limits on what is felt that are no rows
 
     @property
     def smooth(self) -> Any:
@@ -232,23 +222,16 @@ def _polynomial(table: Any, total: list[Any], *, free: bool = True, drop: bool =
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program:
-    """A problem with numbers in.
-
-    Attributes:
-        parameters: of this problem, without the weights of a rank; those of the loops come last.
-        plain: how many of them belong to no loop.
-        stability: limits with slopes of their own.
-        scales: of the steps, `Scale.parts`, shape (unknowns, 3).
-        per_step: 1/ln(1 + w) of each unknown.
-    """
+    """A problem with numbers in."""
 
     structure: _Structure
+    # of this problem, without the weights of a rank; those of the loops come last
     parameters: FloatArray
-    plain: int
-    stability: StabilityLimits
+    plain: int  # how many of them belong to no loop
+    stability: StabilityLimits  # limits with slopes of their own
     signs: FloatArray
-    scales: FloatArray
-    per_step: FloatArray
+    scales: FloatArray  # of the steps, `Scale.parts`, shape (unknowns, 3)
+    per_step: FloatArray  # 1/ln(1 + w) of each unknown
 
     def product(self, sizes: FloatArray, weights: FloatArray) -> tuple[float, FloatArray]:
         """The weighted sum of the logarithms of steps, and its gradient in log-sizes."""
@@ -342,18 +325,13 @@ def _law(loop: Loop, unit: float) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rank:
-    """What is raised at one rank, and between which ends of log-sizes.
+    """What is raised at one rank, and between which ends of log-sizes."""
 
-    Attributes:
-        weights: of the logarithms of steps in the sum that is maximised.
-        lower: of log-sizes; equal to ``upper`` where a size is fixed.
-        routh: judge stability by Routh's ratios at the full gain instead of by the exact limits,
-            for they are smooth where two branches of its boundary meet. Some solvers always do.
-    """
-
-    weights: FloatArray
-    lower: FloatArray
+    weights: FloatArray  # of the logarithms of steps in the sum that is maximised
+    lower: FloatArray  # of log-sizes; equal to ``upper`` where a size is fixed
     upper: FloatArray
+    # judge stability by Routh's ratios at the full gain instead of by the exact limits, for they
+    # are smooth where two branches of its boundary meet. Some solvers always do.
     routh: bool = False
 
 

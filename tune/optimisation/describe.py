@@ -144,18 +144,13 @@ def _stable(felt: Sequence[SizedCombination], late: float) -> BoolArray:
 
 
 class _CombinationMargins(NamedTuple):
-    """Margins of one combination at the sizes written.
-
-    Attributes:
-        gain: stable for every gain below it, at the device's own delay.
-        late: extra samples of delay that it bears, 10 at most.
-        jitter: how uneven the steps may be, in parts of the sample time; no more is looked for than
-            what its elements bear in the combinations before it.
-    """
+    """Margins of one combination at the sizes written."""
 
     elements: tuple[str, ...]
-    gain: float
-    late: float
+    gain: float  # stable for every gain below it, at the device's own delay
+    late: float  # extra samples of delay that it bears, 10 at most
+    # how uneven the steps may be, in parts of the sample time; no more is looked for than what its
+    # elements bear in the combinations before it
     jitter: float
 
 

@@ -63,29 +63,21 @@ _FAR = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknown:
-    """One effect of one element whose size is looked for.
-
-    Attributes:
-        sign: -1 where something is taken away from the device.
-        low: least size that is kept, SI: one perceived step, or where a range begins.
-        high: largest size wanted or physically sensible.
-        scale: of the commanded size, of which a share is rendered at the motions people make.
-        level: rank; what is settled is level -1, wanted values are level 0, then twice the
-            priorities of the elements, the damping of a wall after its stiffness.
-        yields: steps that it gives up at most for what its own element has of the next rank.
-        weight: exponent of its steps in the product, more than 1 where it is favoured.
-    """
+    """One effect of one element whose size is looked for."""
 
     element: str
     effect: EffectName
-    sign: int
-    low: float
-    high: float
+    sign: int  # -1 where something is taken away from the device
+    low: float  # least size that is kept, SI: one perceived step, or where a range begins
+    high: float  # largest size wanted or physically sensible
     wish: Wish
-    scale: Scale
+    scale: Scale  # of the commanded size, of which a share is rendered at the motions people make
+    # rank; what is settled is level -1, wanted values are level 0, then twice the priorities of the
+    # elements, the damping of a wall after its stiffness
     level: int
+    # steps that it gives up at most for what its own element has of the next rank
     yields: float = 0.0
-    weight: float = 1.0
+    weight: float = 1.0  # exponent of its steps in the product, more than 1 where it is favoured
 
     @property
     def settled(self) -> bool:
@@ -130,23 +122,15 @@ class Rendering:
     Parasitic parts are included (docs/theory.md, 8): with κ of a mass, ν of a damper and so on,
     m + κM + νB lies within a step of m + M and b + κ'B + ρM + ηK of b + B. Where steps are ratios
     this is linear in the sizes.
-
-    Attributes:
-        scale: of what is felt.
-        least: total that may be asked for, with the device's own.
-        given: what each size is felt as, shape (frequencies, unknowns), no unit or that of one
-            over another.
-        asked: what each size asks for, shape (unknowns,), likewise.
-        sign: 1 of the upper end, -1 of the lower.
-        telling: frequencies that solvers are shown.
     """
 
-    scale: Scale
-    least: float
+    scale: Scale  # of what is felt
+    least: float  # total that may be asked for, with the device's own
+    # what each size is felt as, shape (frequencies, unknowns), no unit or that of one over another
     given: FloatArray
-    asked: FloatArray
-    sign: int
-    telling: NDArray[np.intp]
+    asked: FloatArray  # what each size asks for, shape (unknowns,), likewise
+    sign: int  # 1 of the upper end, -1 of the lower
+    telling: NDArray[np.intp]  # frequencies that solvers are shown
 
     @property
     def bent(self) -> bool:
@@ -298,22 +282,18 @@ def _proportions(given: FloatArray, mass: int, units: FloatArray) -> Iterator[Pr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Combination:
-    """Elements felt at once: which unknowns add up, and the motion of each element.
-
-    Attributes:
-        members: indices of unknowns, for K, B and M.
-        reach: (penetration, m; speed, m/s; acceleration, m/s²) for each unknown, in the order of
-            ``members``; None where the force is cut by a clamp and bounds nothing.
-        absolute: the combination must be absolutely stable: the clamp of one of its springs may be
-            reached, as that of a wall always is.
-        meeting: a wall is met beside other elements; its ripple is told, not bound.
-    """
+    """Elements felt at once: which unknowns add up, and the motion of each element."""
 
     elements: tuple[str, ...]
+    # indices of unknowns, for K, B and M
     members: tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...]]
+    # (penetration, m; speed, m/s; acceleration, m/s²) for each unknown, in the order of
+    # ``members``; None where the force is cut by a clamp and bounds nothing
     reach: tuple[tuple[float | None, ...], tuple[float | None, ...], tuple[float | None, ...]]
+    # the combination must be absolutely stable: the clamp of one of its springs may be reached, as
+    # that of a wall always is
     absolute: bool = False
-    meeting: bool = False
+    meeting: bool = False  # a wall is met beside other elements; its ripple is told, not bound
 
     @property
     def lone(self) -> int | None:
@@ -324,22 +304,15 @@ class Combination:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinearLimits:
-    """Rows a·sizes <= 1, ratios of two sizes, and what is felt where steps are not in proportion.
+    """Rows a·sizes <= 1, ratios of two sizes, and what is felt where steps are no ratios."""
 
-    Attributes:
-        rows: shape (rows, unknowns).
-        forces: so many rows, the first, are limits of force; the others are of what is felt.
-        masses: the unknown without which a row says nothing, -1 for none.
-        shown: rows that solvers are shown; the others are kept where these are, as a rule.
-        felt: limits on what is felt that are no rows.
-        leads: (spring, damper, least and most of damping over stiffness, s) of walls.
-    """
-
-    rows: FloatArray
-    forces: int
-    masses: NDArray[np.intp]
+    rows: FloatArray  # shape (rows, unknowns)
+    forces: int  # so many rows, the first, are limits of force; the others are of what is felt
+    masses: NDArray[np.intp]  # the unknown without which a row says nothing, -1 for none
+    # rows that solvers are shown; the others are kept where these are, as a rule
     shown: NDArray[np.intp]
-    felt: tuple[Rendering, ...] = ()
+    felt: tuple[Rendering, ...] = ()  # limits on what is felt that are no rows
+    # (spring, damper, least and most of damping over stiffness, s) of walls
     leads: tuple[tuple[int, int, float, float], ...] = ()
 
     @classmethod
@@ -438,18 +411,14 @@ class LinearLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StabilityLimits:
-    """Stability as constraints that are at most 0 where the margin is kept, at some corners.
+    """Stability as constraints that are at most 0 where the margin is kept, at some corners."""
 
-    Attributes:
-        tables: of each loop with corners, (fixed, varied and their sizes), of shapes
-            (degree+1, corners) and (3, degree+1, corners) in K, B and M.
-        grounded: whether device or hand bind the position, by loop.
-        shares: what each unknown adds to K, B and M of the combinations with a spring and of those
-            without, shape (combinations, 3, unknowns) each.
-    """
-
+    # of each loop with corners, (fixed, varied and their sizes), of shapes (degree+1, corners) and
+    # (3, degree+1, corners) in K, B and M
     tables: tuple[_Table, ...]
-    grounded: tuple[bool, ...]
+    grounded: tuple[bool, ...]  # whether device or hand bind the position, by loop
+    # what each unknown adds to K, B and M of the combinations with a spring and of those without,
+    # shape (combinations, 3, unknowns) each
     shares: tuple[FloatArray, FloatArray]
     gain: float
 

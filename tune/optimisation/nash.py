@@ -70,49 +70,33 @@ _LEFT = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Optimum:
-    """Where the search ended.
+    """Where the search ended."""
 
-    Attributes:
-        sizes: of the unknowns, allowed exactly; None where nothing is.
-        methods: names of what proposed each accepted answer.
-        disagreements: largest difference of solvers in the logarithm of a product, 0 if none.
-        scenarios: corners whose stability the solvers had to be shown.
-    """
-
-    sizes: FloatArray | None
-    methods: tuple[str, ...]
-    disagreements: float
-    scenarios: tuple[Scenario, ...] = ()
+    sizes: FloatArray | None  # of the unknowns, allowed exactly; None where nothing is
+    methods: tuple[str, ...]  # names of what proposed each accepted answer
+    disagreements: float  # largest difference of solvers in the logarithm of a product, 0 if none
+    scenarios: tuple[Scenario, ...] = ()  # corners whose stability the solvers had to be shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """The answer for elements that share combinations.
+    """The answer for elements that share combinations."""
 
-    Attributes:
-        problem: with only the unknowns that are perceptible and feasible.
-        sizes: rounded, allowed exactly.
-        dropped: reason by label of every effect that was left out.
-        disagreement: of the solvers, in the logarithm of the product of steps.
-        unrounded: sizes as they were found; empty where nothing was looked for.
-        absolute: gains of the combinations that must be absolutely stable.
-        stepped_back: unknowns that are smaller for it.
-        clash: a wall and an element that are not proved together; None if all are.
-        alone: about what stiffness springs have where nothing is met beside them, by label.
-        tightest: elements whose clamps are proved least together.
-    """
-
-    problem: Problem
-    sizes: FloatArray
-    dropped: dict[str, str]
+    problem: Problem  # with only the unknowns that are perceptible and feasible
+    sizes: FloatArray  # rounded, allowed exactly
+    dropped: dict[str, str]  # reason by label of every effect that was left out
     method: str = "as given"
-    disagreement: float = 0.0
+    disagreement: float = 0.0  # of the solvers, in the logarithm of the product of steps
+    # sizes as they were found; empty where nothing was looked for
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
+    # gains of the combinations that must be absolutely stable
     absolute: AllFound = field(default_factory=dict[tuple[str, ...], "AbsoluteStability"])
-    stepped_back: frozenset[int] = frozenset()
+    stepped_back: frozenset[int] = frozenset()  # unknowns that are smaller for it
+    # a wall and an element that are not proved together; None if all are
     clash: tuple[str, str] | None = None
+    # about what stiffness springs have where nothing is met beside them, by label
     alone: dict[str, float] = field(default_factory=dict[str, float])
-    tightest: tuple[str, ...] = ()
+    tightest: tuple[str, ...] = ()  # elements whose clamps are proved least together
 
     def by_label(self) -> dict[str, float]:
         """Sizes, SI, of what was looked for here."""

@@ -88,27 +88,21 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Unknowns of elements that share combinations, and everything that bounds them.
-
-    Attributes:
-        linear: limits of force and rendering as rows.
-        cut: elements whose force may be cut at its limit.
-        proved_gain: what the proof of a clamp has to reach; the margin's, and room for what lies
-            between the corners of the box.
-        room: part of the gain margin that linear limits keep beyond it, for the proof of clamps.
-        slack: part of it that is kept because a proof failed before.
-    """
+    """Unknowns of elements that share combinations, and everything that bounds them."""
 
     unknowns: tuple[Unknown, ...]
     combinations: tuple[Combination, ...]
     margin: Margin
     loops: Loops
     limits: Limits
-    linear: LinearLimits
-    cut: frozenset[str] = frozenset()
+    linear: LinearLimits  # limits of force and rendering as rows
+    cut: frozenset[str] = frozenset()  # elements whose force may be cut at its limit
+    # what the proof of a clamp has to reach; the margin's, and room for what lies between the
+    # corners of the box
     proved_gain: float = 1.0
+    # part of the gain margin that linear limits keep beyond it, for the proof of clamps
     room: float = 0.0
-    slack: float = 0.0
+    slack: float = 0.0  # part of it that is kept because a proof failed before
 
     def limited_to(self, most: Mapping[str, float]) -> Problem:
         """The problem in which effects are no larger than this, by label."""
@@ -176,24 +170,20 @@ class DesignTask:
     """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
 
     Loops and combinations are built when first asked for and kept.
-
-    Attributes:
-        region: that must be safe.
-        slack: part of the margin that is kept on top of it.
-        favour: an effect whose steps count more in the product; None for none.
-        apart: pairs that could not be kept together, beside those of the scene.
-        left_out: effects by label, "element.effect", that are not looked for, with the reason.
-        parts: of their steps that elements are given, for a wall that is met beside them.
     """
 
     device: Device
     scene: Scene
     table: PerceptionTable
-    region: Region
-    slack: float = 0.0
+    region: Region  # that must be safe
+    slack: float = 0.0  # part of the margin that is kept on top of it
+    # an effect whose steps count more in the product; None for none
     favour: EffectName | None = None
+    # pairs that could not be kept together, beside those of the scene
     apart: tuple[tuple[str, str], ...] = ()
+    # effects by label, "element.effect", that are not looked for, with the reason
     left_out: tuple[tuple[str, str], ...] = ()
+    # of their steps that elements are given, for a wall that is met beside them
     parts: Mapping[str, float] = field(default_factory=dict[str, float])
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False

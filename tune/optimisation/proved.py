@@ -31,24 +31,16 @@ _LEAST_RAISE, _BELOW, _HALVINGS = 0.02, 1e-5, 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proved:
-    """What some filters leave once clamps are proved.
+    """What some filters leave once clamps are proved."""
 
-    Attributes:
-        choice: of which the filters are, with a cut-off of the velocity that was raised.
-        raised: so many times.
-        task: with the pairs that had to be told apart.
-        solutions: the largest effects of every group.
-        worth: what is kept, and the logarithm of the product less what pairs apart count.
-        held_back: whether proofs leave less than linear limits do.
-    """
-
-    choice: Filters
-    raised: int
+    choice: Filters  # of which the filters are, with a cut-off of the velocity that was raised
+    raised: int  # so many times
     filters: Filters
-    task: DesignTask
-    solutions: list[Solution]
+    task: DesignTask  # with the pairs that had to be told apart
+    solutions: list[Solution]  # the largest effects of every group
+    # what is kept, and the logarithm of the product less what pairs apart count
     worth: CutoffObjective
-    held_back: bool
+    held_back: bool  # whether proofs leave less than linear limits do
 
     @classmethod
     def of(

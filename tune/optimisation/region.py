@@ -35,21 +35,17 @@ def remembered(function: Callable[_Given, _Answer]) -> Callable[_Given, _Answer]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantPoint:
-    """A point of the uncertain region: one device with one hand, SI units.
-
-    Attributes:
-        position_stiffness: slope of the device's own force by position, N/m.
-        modes: (frequency in Hz, damping ratio) of each mode of the mechanism.
-        hand: (mass, damping, stiffness), or None for the device alone.
-    """
+    """A point of the uncertain region: one device with one hand, SI units."""
 
     mass: float
     damping: float
     sample_time: float
     delay: float
-    position_stiffness: float = 0.0
+    position_stiffness: float = 0.0  # slope of the device's own force by position, N/m
+    # (frequency in Hz, damping ratio) of each mode of the mechanism
     modes: tuple[tuple[float, float], ...] = ()
     current_lag: float = 0.0
+    # (mass, damping, stiffness), or None for the device alone
     hand: tuple[float, float, float] | None = None
 
 
@@ -66,19 +62,15 @@ class Region:
     """Box of the device, box of the hand, and points found later.
 
     Plants are sampled when first asked for and kept, whatever the filters around them.
-
-    Attributes:
-        presliding: stiffness of friction that holds before it slides, N/m above zero, or None.
-        hand: grips; the device alone is in the region in any case.
-        found: points between the corners that were worse than they.
     """
 
     box: Box
     modes: tuple[Mode, ...] = ()
     current_lag: Quantity | None = None
+    # stiffness of friction that holds before it slides, N/m above zero, or None
     presliding: tuple[float, float] | None = None
-    hand: Hand | None = None
-    found: tuple[PlantPoint, ...] = ()
+    hand: Hand | None = None  # grips; the device alone is in the region in any case
+    found: tuple[PlantPoint, ...] = ()  # points between the corners that were worse than they
     _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
         default_factory=dict[tuple[float, float], tuple[SampledPlant, ...]],
         init=False,
@@ -253,19 +245,15 @@ class Loops:
 
     They belong to the device, and so does what one effect may be alone: an element only adds its
     own wishes and motion.
-
-    Attributes:
-        late: loops of the corners of the region at every delay the device may have, with up to the
-            margin's extra delay on top of it.
-        nominal: the device alone at its best estimate and longest delay, for the ripple.
-        held: the same in the scene's hand; None without one.
     """
 
     region: Region
     filters: Filters
+    # loops of the corners of the region at every delay the device may have, with up to the margin's
+    # extra delay on top of it
     late: tuple[Loop, ...]
-    nominal: Loop
-    held: Loop | None
+    nominal: Loop  # the device alone at its best estimate and longest delay, for the ripple
+    held: Loop | None  # the same in the scene's hand; None without one
     _each: tuple[DelayedLoops, ...] = field(repr=False)
     _stacks: dict[tuple[str, float], tuple[Loop, ...]] = field(
         default_factory=dict[tuple[str, float], tuple[Loop, ...]], init=False, repr=False

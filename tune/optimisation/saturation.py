@@ -99,20 +99,14 @@ class _Condition:
 
     At each point it is turned and scaled, left^H ... right, so that it is about one for one usual
     multiplier: near θ = 0 two clamps that push against each other leave next to nothing of it.
-
-    Attributes:
-        owners: (channel, tap) of each weight; a constant is tap 0. Channels are in units of their
-            own size times the gain.
-        own: 1 at the channel of each weight, else 0, (weights, channels).
-        factors: of each weight in M, (weights, points).
-        left, right: (points, channels, channels).
+    Channels are in units of their own size times the gain.
     """
 
-    owners: list[tuple[int, int]]
-    own: FloatArray
-    factors: ComplexArray
-    left: ComplexArray
-    right: ComplexArray
+    owners: list[tuple[int, int]]  # (channel, tap) of each weight; a constant is tap 0
+    own: FloatArray  # 1 at the channel of each weight, else 0, (weights, channels)
+    factors: ComplexArray  # of each weight in M, (weights, points)
+    left: ComplexArray  # (points, channels, channels)
+    right: ComplexArray  # likewise
 
     @classmethod
     def of(

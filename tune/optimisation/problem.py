@@ -61,10 +61,6 @@ _ANY_DAMPING = 1e-6
 #: An effect of which less than this part is felt, or its opposite, counts as felt this little: no
 #: size of it that is sensible then reaches a step worth having, and logarithms stay finite.
 _BARELY_FELT = 1e-3
-
-
-#: Hz; a filter must pass the motions people make.
-_LOWEST = FASTEST
 #: Ratio of neighbouring cut-offs at first. Worth changes over several octaves: of a mass limited by
 #: ripple it rises with each, until force, stability or phantom damping makes it fall.
 COARSE = 3.0
@@ -296,12 +292,9 @@ class DesignTask:
             self._loops[filters] = Loops.of(self.device, self.region, filters, extra)
         return self._loops[filters]
 
-    def subsets(self, element: str) -> list[tuple[str, ...]]:
-        """Every set of elements, this one the first of them, that can be felt at one moment."""
-        return self._subsets[element]
-
     @cached_property
-    def _subsets(self) -> dict[str, list[tuple[str, ...]]]:
+    def subsets(self) -> dict[str, list[tuple[str, ...]]]:
+        """Every set of elements that can be felt at one moment, by the first of them."""
         found: dict[str, list[tuple[str, ...]]] = {}
         for subset in self.scene.combinations():
             found.setdefault(subset[0], []).append(subset)
@@ -319,17 +312,11 @@ def problem_of(
     room: float = 0.0,
     felt: bool = True,
 ) -> Problem:
-    """The problem of some elements of a scene on a device, beside others that are settled.
+    """The problem of elements that share combinations, beside others that are settled, by label.
 
-    Args:
-        task: device, scene, perception and region.
-        elements: names that share combinations.
-        filters: cut-offs of the estimators.
-        gone: labels "element.effect" that are left out.
-        cut: elements whose force may be cut at its limit, so that no penetration is assumed.
-        settled: sizes by label, "element.effect", of elements that were tuned before.
-        room: part of the gain margin kept beyond it by linear limits, for the proof of clamps.
-        felt: effects are perceptible and felt as what they are; else only safe.
+    Labels, "element.effect", that are gone are left out. No penetration is assumed of elements
+    whose force may be cut at its limit. Room is a part of the gain margin that linear limits keep
+    beyond it, for the proof of clamps. Effects that need not be felt are only to be safe.
     """
     device, scene = task.device, task.scene
     margin = MARGINS[scene.margin]
@@ -348,7 +335,7 @@ def problem_of(
     subsets = [
         subset
         for name in within
-        for subset in task.subsets(name)
+        for subset in task.subsets[name]
         if within >= {*subset} and not {*elements}.isdisjoint(subset)
     ]
     combinations = tuple(
@@ -537,7 +524,7 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
     if limit.continuous <= max(device.coulomb_friction.value, task.table.threshold(device.motion)):
         return frozenset()
     within = set(elements)
-    groups = [set(s) for name in elements for s in task.subsets(name) if within >= {*s}]
+    groups = [set(s) for name in elements for s in task.subsets[name] if within >= {*s}]
     fading = {name for name in elements if task.fades(name)}
     cut: set[str] = set()
     for name in elements:
@@ -564,10 +551,13 @@ class CutoffAxis:
 
     @classmethod
     def of(cls, cutoff: Cutoff, nyquist: float) -> CutoffAxis:
-        """The choices of a cut-off as a scene states it, up to the Nyquist frequency, Hz."""
-        if cutoff != "free" or nyquist <= _LOWEST:
+        """The choices of a cut-off as a scene states it, up to the Nyquist frequency, Hz.
+
+        A filter must pass the motions people make.
+        """
+        if cutoff != "free" or nyquist <= FASTEST:
             return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
-        low, high = math.log(_LOWEST), math.log(nyquist)
+        low, high = math.log(FASTEST), math.log(nyquist)
         count = math.ceil((high - low) / math.log(COARSE))
         return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))
 

@@ -79,15 +79,12 @@ def solve(
     elements: Sequence[str],
     filters: Filters,
     before: Sequence[Solution] = (),
-    *,
-    second_opinion: bool = True,
 ) -> Solution:
     """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
 
     Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
     can be proved safe so at the scene's margin; else the usual motion bounds them. What was tuned
-    before may be felt beside it. A second opinion asks all solvers, where linear limits alone bind,
-    and for proofs of clamps.
+    before may be felt beside it.
     """
     met = _met(task, elements)
     beside = {
@@ -99,16 +96,16 @@ def solve(
     known = frozenset[str]().union(*(solved.problem.cut for solved in before))
     cut = may_saturate(task, elements)
     walls = cut & task.scene.walls
-    free = _solved(task, elements, filters, known | cut, beside, second_opinion=second_opinion)
+    free = _solved(task, elements, filters, known | cut, beside)
     if free.dropped and beside and free.clash is None:
-        alone = _solved(task, elements, filters, known | cut, {}, second_opinion=second_opinion)
+        alone = _solved(task, elements, filters, known | cut, {})
         if len(alone.dropped) < len(free.dropped):
             others = (label.rpartition(".")[0] for label in reversed(beside))
             pairs = (_pair(task, elements, (*elements, other)) for other in others)
             free = replace(free, clash=next((pair for pair in pairs if pair is not None), None))
     if free.clash is not None or cut == walls or not (free.stepped_back or free.dropped):
         return free
-    usual = _solved(task, elements, filters, known | walls, beside, second_opinion=second_opinion)
+    usual = _solved(task, elements, filters, known | walls, beside)
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
 
 
@@ -128,7 +125,7 @@ def _springs_alone(
 def _met(task: DesignTask, elements: Sequence[str]) -> set[str]:
     """Elements that share some combination with some of these."""
     own = {*elements}
-    every = (subset for name in task.scene.elements for subset in task.subsets(name))
+    every = (subset for subsets in task.subsets.values() for subset in subsets)
     return {name for subset in every if not own.isdisjoint(subset) for name in subset}
 
 
@@ -138,13 +135,12 @@ def _solved(
     filters: Filters,
     cut: frozenset[str],
     settled: Mapping[str, float],
-    *,
-    second_opinion: bool,
     gone: Mapping[str, str] | None = None,
 ) -> Solution:
     """One group with certain springs cut at the limit of force, beside what is settled.
 
     What is proved to less than one step is gone, with its reason, and the rest is tuned without it.
+    All solvers are asked where linear limits alone bind.
     """
     kept: dict[str, float] = {}
     left_out = gone
@@ -160,7 +156,7 @@ def _solved(
             room=room,
             most=most,
             choosing=not room and not most,
-            second_opinion=second_opinion and not room and not most,
+            second_opinion=not room and not most,
             gone=left_out,
         )
 
@@ -180,7 +176,7 @@ def _solved(
     found: AllFound = {}
     alone: dict[str, float] = {}
     tightest: tuple[str, ...] = ()
-    if second_opinion and any(combination.absolute for combination in problem.combinations):
+    if any(combination.absolute for combination in problem.combinations):
         from tune.optimisation.saturation import MOST_LOST, soften, step_back
 
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
@@ -202,9 +198,7 @@ def _solved(
                 own = [u for u in problem.unknowns if not u.settled]
                 label = min(own, key=lambda u: u.effect != "stiffness").label
                 left = dropped | keep_promises(problem, {label: why_unproved(task, label, gain)})
-                return _solved(
-                    task, elements, filters, cut, settled, second_opinion=second_opinion, gone=left
-                )
+                return _solved(task, elements, filters, cut, settled, left)
             sizes, found = soft or (sizes, found)
     return replace(
         nothing,
@@ -297,10 +291,10 @@ def optimum_of(
 
     Beside the choices of `problem_of`, ``known`` gives sizes of all effects of a problem to begin
     with, allowed as far as doubles tell, where there are some, and corners that bound them; no
-    effect is larger than the ``most`` that its label has. What is
-    ``gone`` is left out, with the reason, as is what the task leaves out. Where effects that are
-    possible alone are not so together, it is chosen which are kept; without ``choosing`` the
-    optimum has no sizes there.
+    effect is larger than the ``most`` that its label has. What is ``gone`` is left out, with the
+    reason, as is what the task leaves out. Where effects that are possible alone are not so
+    together, it is chosen which are kept; without ``choosing`` the optimum has no sizes there.
+    Without a second opinion only the quickest solver is asked, for roughly its answer.
     """
 
     def problem_without(gone: frozenset[str]) -> Problem:
@@ -312,7 +306,8 @@ def optimum_of(
         return found.limited_to(most) if most else found
 
     left = task.left_out_of(elements) | dict(gone or {})
-    solvers, dropped = backends(second_opinion=second_opinion), dict(left)
+    solvers = backends() if second_opinion else [Slsqp(_ROUGHLY)]
+    dropped = dict(left)
     problem = problem_without(frozenset(dropped))
     while impossible := reasons_for_nothing(problem):
         dropped |= keep_promises(problem, impossible)
@@ -394,9 +389,9 @@ def _shortfall(problem: Problem, label: str, beside: Mapping[str, float]) -> str
     raise AssertionError("one of both is returned")
 
 
-def backends(*, second_opinion: bool = True) -> list[Backend]:
-    """The solvers that propose; all of them, or the quickest to roughly its answer."""
-    return [Slsqp(), Ipopt()] if second_opinion else [Slsqp(_ROUGHLY)]
+def backends() -> list[Backend]:
+    """The solvers that propose."""
+    return [Slsqp(), Ipopt()]
 
 
 def keep_promises(problem: Problem, reasons: Mapping[str, str]) -> dict[str, str]:
@@ -543,16 +538,11 @@ def tune_with_filters(
     return Tuned(objective=objective, problem=problem, optimum=optimum)
 
 
-def weights_of(task: DesignTask, problem: Problem) -> list[float]:
-    """What the logarithm of the steps of each unknown counts, by its rank."""
-    ranks = task.ranks
-    return [
-        0.0 if u.settled else u.weight * _NEXT_RANK ** ranks.index(u.level)
-        for u in problem.unknowns
-    ]
-
-
 def value_of(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
-    """The weighed sum of the logarithms of steps."""
-    each = zip(weights_of(task, problem), problem.unknowns, sizes.tolist(), strict=bool(sizes.size))
-    return float(sum(weight * np.log(u.steps(size) / u.goal) for weight, u, size in each))
+    """The sum of the logarithms of steps, weighed by rank."""
+    value = 0.0
+    for u, size in zip(problem.unknowns, sizes.tolist(), strict=bool(sizes.size)):
+        if not u.settled:
+            weight = u.weight * _NEXT_RANK ** task.ranks.index(u.level)
+            value += weight * float(np.log(u.steps(size) / u.goal))
+    return value

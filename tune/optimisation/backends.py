@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import compress
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,47 +74,23 @@ class _Structure:
     linear: int  # rows
     felt: int  # limits on what is felt that are no rows
 
-    @property
-    def smooth(self) -> Any:
-        """Constraints but those of stability, and their dense Jacobian."""
-        return _smooth(replace(self, shapes=()))
-
-    @property
-    def smooth_all(self) -> Any:
-        """Constraints with Routh's ratios before the others, and their dense Jacobian."""
-        return _smooth(self)
-
-    @property
-    def ipopt(self) -> Any:
-        """The solver, with all constraints; its parameters end with the weights."""
-        return _ipopt(self)
-
-
-class _Graph(NamedTuple):
-    """Expressions of a structure: log-sizes, parameters, weights, product of steps, constraints."""
-
-    y: Any
-    parameters: Any
-    weights: Any
-    product: Any
-    constraints: Any
-
 
 @lru_cache(maxsize=64)
 def _smooth(structure: _Structure) -> Any:
+    """Constraints, Routh's ratios of the loops before the others, and their dense Jacobian."""
     import casadi as ca
 
-    graph = _graph(structure)
-    g = graph.constraints
-    outputs = [g, ca.densify(ca.jacobian(g, graph.y))]
-    return ca.Function("smooth", [graph.y, graph.parameters], outputs)
+    y, parameters, _, _, constraints = _graph(structure)
+    outputs = [constraints, ca.densify(ca.jacobian(constraints, y))]
+    return ca.Function("smooth", [y, parameters], outputs)
 
 
 @lru_cache(maxsize=64)
 def _ipopt(structure: _Structure) -> Any:
+    """The solver, with all constraints; its parameters end with the weights."""
     import casadi as ca
 
-    graph = _graph(structure)
+    y, parameters, weights, product, constraints = _graph(structure)
     options = {
         "print_time": False,
         "error_on_fail": False,
@@ -132,17 +108,13 @@ def _ipopt(structure: _Structure) -> Any:
             "hessian_approximation": "limited-memory",
         },
     }
-    task = {
-        "x": graph.y,
-        "p": ca.vertcat(graph.parameters, graph.weights),
-        "f": -graph.product,
-        "g": graph.constraints,
-    }
+    task = {"x": y, "p": ca.vertcat(parameters, weights), "f": -product, "g": constraints}
     return ca.nlpsol("product", "ipopt", task, options)
 
 
 @lru_cache(maxsize=64)
-def _graph(structure: _Structure) -> _Graph:
+def _graph(structure: _Structure) -> tuple[Any, Any, Any, Any, Any]:
+    """Expressions of log-sizes, parameters, weights, product of steps and constraints."""
     import casadi as ca
 
     count = len(structure.signs)
@@ -196,8 +168,7 @@ def _graph(structure: _Structure) -> _Graph:
         for first in (0, count)
     )
     constraints.append(felt[:, 0] * (given - asked) - 1)
-    every = ca.vertcat(*routh, *constraints)
-    return _Graph(y, ca.vertcat(*taken), weights, product_of_steps, every)
+    return y, ca.vertcat(*taken), weights, product_of_steps, ca.vertcat(*routh, *constraints)
 
 
 def _height(values: Any, scales: Any) -> Any:
@@ -248,16 +219,15 @@ class Program:
 def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     """The program of a problem; compiles it if no problem of its structure came before.
 
-    Scenarios are the corners that the solver is shown, up to a power of two, so that structures are
-    met again.
+    Scenarios are the corners that the solver is shown, the last again up to a power of two, so that
+    structures are met again.
     """
     limits = problem.limits
-    columns = [
-        _rounded_up([column for place, column in scenarios if place == index])
-        for index in range(len(problem.loops.late))
-    ]
-    late = problem.loops.late
-    shown = [(loop, chosen) for loop, chosen in zip(late, columns, strict=True) if chosen]
+    shown: list[tuple[Loop, list[int]]] = []
+    for index, loop in enumerate(problem.loops.late):
+        if columns := [column for place, column in scenarios if place == index]:
+            size = 1 << (len(columns) - 1).bit_length()
+            shown.append((loop, columns + columns[-1:] * (size - len(columns))))
     ripple = limits.encoder_resolution is not None
     rows = problem.linear.rows[problem.linear.shown] * (1 + _INSIDE)
     structure = _Structure(
@@ -299,14 +269,6 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
     )
 
 
-def _rounded_up(columns: list[int]) -> list[int]:
-    """Filled up to a power of two with the last one."""
-    if not columns:
-        return []
-    size = 1 << (len(columns) - 1).bit_length()
-    return columns + columns[-1:] * (size - len(columns))
-
-
 def _table(loop: Loop, gain: float) -> FloatArray:
     """(4, degree+1, corners) in (K, B, M), each coefficient over its constant part's scale."""
     scales = np.stack([np.ones_like(loop.scales[0]), *(gain * np.asarray(s) for s in loop.scales)])
@@ -345,7 +307,8 @@ class Evaluation:
 
     def __init__(self, program: Program, rank: Rank) -> None:
         count = program.signs.size
-        function = program.structure.smooth_all if rank.routh else program.structure.smooth
+        structure = program.structure if rank.routh else replace(program.structure, shapes=())
+        function = _smooth(structure)
         smooth = int(function.numel_out(0))
         self._program = program
         self._weights = rank.weights
@@ -393,7 +356,7 @@ class Ipopt:
 
     def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
         """Log-sizes from a start, after 150 iterations or 2 s at most; None where it gave up."""
-        answer = program.structure.ipopt(
+        answer = _ipopt(program.structure)(
             x0=np.clip(start - _RETREAT, rank.lower, rank.upper),
             p=np.concatenate([program.parameters, rank.weights]),
             lbx=rank.lower,

@@ -198,8 +198,8 @@ class _Search:
             self._polish()
         best = self._least_good()
         for index in [each for each in free if not self._is_used(best, each)]:
-            beside = [each for each in self.kinds if self._is_beside(best, each, index)]
-            nearest = [self._nearest(best, index, kind) for kind in (_kind_of(best), *beside)]
+            near = (_kind_of(best), *self._kinds_beside(best, index))
+            nearest = [self._nearest(best, index, kind) for kind in near]
             nearest.sort(key=lambda pair: -pair[0])
             kept = self._objective(self._place(best)).kept
             for reached, found in nearest:
@@ -215,7 +215,7 @@ class _Search:
     def _refine_others(self, index: int) -> None:
         """Climb from the best of the kinds that differ from the best in one filter."""
         start = self._least_good()
-        beside = [kind for kind in self.kinds if self._is_beside(start, kind, index)]
+        beside = self._kinds_beside(start, index)
         found = [each for kind in beside for each in self._uphill(kind, start, index)]
         if found:
             self._refined(self._place(max(found, key=self.tried.__getitem__)), self.free)
@@ -254,7 +254,12 @@ class _Search:
         most = max(self.tried.values())
         enough = CutoffObjective(kept=most.kept, value=most.value - _GOOD_ENOUGH * self.unit)
         good = [filters for filters, objective in self.tried.items() if objective >= enough]
-        return min(good, key=lambda each: (self.kinds.index(_kind_of(each)), _lag(each)))
+
+        def lag(each: Filters) -> float:
+            """How much is filtered: a measure of the lag of both estimates, s."""
+            return sum(1 / hertz for name in _CUTOFFS if (hertz := getattr(each, name)))
+
+        return min(good, key=lambda each: (self.kinds.index(_kind_of(each)), lag(each)))
 
     def _place(self, filters: Filters) -> list[float]:
         """Where filters are on both axes, of whose kind are those that are looked at from now."""
@@ -322,9 +327,7 @@ class _Search:
             enough = self.tried[ordered[-1]].value - _FAMILY
             for start in {_kind_of(each): each for each in ordered}.values():
                 if self.tried[start].value >= enough:
-                    for kind in [
-                        each for each in self.kinds if self._is_beside(start, each, index)
-                    ]:
+                    for kind in self._kinds_beside(start, index):
                         starts |= dict.fromkeys(self._uphill(kind, start, index))
         usual = [each for each in starts if _kind_of(each) == self.kinds[0]]
         good: list[Filters] = []
@@ -338,17 +341,18 @@ class _Search:
         places = reversed(self.axes[index].first)
         return [[*point[:index], place, *point[index + 1 :]] for place in places]
 
-    def _is_beside(self, filters: Filters, kind: Filters, index: int) -> bool:
-        """Whether a kind is another one in one filter alone, the damping ratio the one of both.
+    def _kinds_beside(self, filters: Filters, index: int) -> list[Filters]:
+        """Kinds that are another one in one filter alone, the damping ratio the one of both.
 
         The ratio goes with the acceleration filter where that is chosen too and has two poles.
         """
         mine, other = _kind_of(filters), DERIVATIVES[1 - index]
-        same = filter_of(mine, other)[::2] == filter_of(kind, other)[::2]
+        kept = filter_of(mine, other)[::2]
+        same = [kind for kind in self.kinds if filter_of(kind, other)[::2] == kept]
         if index == 0 and self.axes[1].free and mine.acceleration_filter_order > 1:
             # Of one ratio the cut-off may be another one for the same kind as well.
-            return same and mine.filter_damping_ratio == kind.filter_damping_ratio
-        return same and mine != kind
+            return [kind for kind in same if kind.filter_damping_ratio == mine.filter_damping_ratio]
+        return [kind for kind in same if kind != mine]
 
     def _uphill(self, kind: Filters, filters: Filters, index: int) -> Iterator[Filters]:
         """Those of a kind, if any, that keep every effect, uphill along one axis from near others.
@@ -524,10 +528,3 @@ def _most(found: Sequence[tuple[CutoffObjective, list[float]]]) -> list[float]:
 def _kind_of(filters: Filters) -> Filters:
     """Filters without their cut-offs."""
     return replace(filters, **dict.fromkeys(_CUTOFFS))
-
-
-def _lag(filters: Filters) -> float:
-    """How much is filtered: a measure of the lag of both estimates, s."""
-    return sum(
-        1 / hertz for hertz in (filters.velocity_filter_hz, filters.acceleration_filter_hz) if hertz
-    )

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import product
-from typing import ParamSpec, TypeVar, cast
+from itertools import chain, product
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -255,11 +255,8 @@ class Loops:
     nominal: Loop  # the device alone at its best estimate and longest delay, for the ripple
     held: Loop | None  # the same in the scene's hand; None without one
     _each: tuple[DelayedLoops, ...] = field(repr=False)
-    _stacks: dict[tuple[str, float], tuple[Loop, ...]] = field(
-        default_factory=dict[tuple[str, float], tuple[Loop, ...]], init=False, repr=False
-    )
-    _ends: dict[tuple[EffectName, int, str, float], float] = field(
-        default_factory=dict[tuple[EffectName, int, str, float], float], init=False, repr=False
+    _known: dict[tuple[object, ...], Any] = field(
+        default_factory=dict[tuple[object, ...], Any], init=False, repr=False
     )
 
     @staticmethod
@@ -281,10 +278,8 @@ class Loops:
     @property
     def present(self) -> tuple[Loop, ...]:
         """The late loops without the margin's extra delay."""
-        if ("present", 0.0) not in self._stacks:
-            loops = [one.loop for one in self._each if not one.beyond]
-            self._stacks["present", 0.0] = _side_by_side(loops)
-        return self._stacks["present", 0.0]
+        loops = (one.loop for one in self._each if not one.beyond)
+        return self._kept(("present",), lambda: _side_by_side([*loops]))
 
     def ripple(self, effects: Effects, resolution: float) -> FloatArray:
         """Force ripple on the device alone or in the hand, whichever is more, N rms."""
@@ -295,18 +290,16 @@ class Loops:
 
     def latest(self, extra: float) -> tuple[Loop, ...]:
         """Loops of all corners at the device's longest delay and ``extra`` samples more."""
-        if ("latest", extra) not in self._stacks:
-            latest = self.region.latest(self.filters, extra)
-            self._stacks["latest", extra] = _side_by_side(latest)
-        return self._stacks["latest", extra]
+        return self._kept(
+            ("latest", extra), lambda: _side_by_side(self.region.latest(self.filters, extra))
+        )
 
     def between(self, extra: float) -> tuple[Loop, ...]:
         """The late loops, and those half-way between the samples of the margin's extra delay."""
-        if ("between", extra) not in self._stacks:
-            halves = [self.latest(part - 0.5) for part in range(1, int(extra) + 1)]
-            late = [*self.late, *(loop for each in halves for loop in each)]
-            self._stacks["between", extra] = _side_by_side(late)
-        return self._stacks["between", extra]
+        halves = (self.latest(part - 0.5) for part in range(1, int(extra) + 1))
+        return self._kept(
+            ("between", extra), lambda: _side_by_side([*self.late, *chain.from_iterable(halves)])
+        )
 
     def end_alone(self, effect: EffectName, sign: int, *, late: bool) -> float:
         """The size of one effect, felt alone, up to which it is stable; 0 or inf possible.
@@ -314,7 +307,7 @@ class Loops:
         Its gain margin is this over its size, because a gain only scales it.
         """
         which, loops = ("late", self.late) if late else ("present", self.present)
-        return self._kept((effect, sign, which, 0.0), lambda: _least_end(loops, effect, sign))
+        return self._kept((effect, sign, which), lambda: _least_end(loops, effect, sign))
 
     def quiet_alone(
         self, effect: EffectName, sign: int, *, resolution: float, limit: float, top: float
@@ -331,10 +324,10 @@ class Loops:
         key = (effect, sign, f"ripple {resolution!r} {limit!r}", top)
         return self._kept(key, lambda: last_within(noise, limit, top))
 
-    def _kept(self, key: tuple[EffectName, int, str, float], compute: Callable[[], float]) -> float:
-        if key not in self._ends:
-            self._ends[key] = compute()
-        return self._ends[key]
+    def _kept(self, key: tuple[object, ...], compute: Callable[[], _Answer]) -> _Answer:
+        if key not in self._known:
+            self._known[key] = compute()
+        return self._known[key]
 
 
 def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:

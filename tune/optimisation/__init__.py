@@ -150,12 +150,15 @@ def _certified(best: Proved, scene: Scene, say: Progress) -> SafeProfile:
     What is alike an element that was tuned plays the same. Raises CheckFailedError where less does
     not help.
     """
+    # What vibrates freely needs few cells or far too many.
+    free = scene.hand == "none" and best.task.device.modes
+    cells = _CELLS // 12 if free else _CELLS
     for attempt in range(_MOST_ATTEMPTS + 1):
         best, design, witnesses = _proposed(best, say)
         say("certifying")
         try:
             last = attempt == _MOST_ATTEMPTS or best.task.slack >= SLACK[-2]
-            certificate = certify(design, None if last else _cells_of(best.task), witnesses)
+            certificate = certify(design, None if last else cells, witnesses)
         except CheckFailedError as error:
             warned = _warned(best.task, error, witnesses)
             if warned is None or attempt == _MOST_ATTEMPTS:
@@ -170,12 +173,6 @@ def _certified(best: Proved, scene: Scene, say: Progress) -> SafeProfile:
         profile = SafeProfile.model_validate({**dict(design), "certificate": certificate})
         return as_stored(profile).signed()
     raise AssertionError("the last attempt returns or raises")
-
-
-def _cells_of(task: DesignTask) -> int:
-    """Cells of a proof before less is asked for: what vibrates freely needs few or far too many."""
-    free = task.scene.hand == "none" and task.device.modes
-    return _CELLS // 12 if free else _CELLS
 
 
 def _silent(sentence: str) -> None:
@@ -197,8 +194,8 @@ def _proposed(best: Proved, say: Progress) -> tuple[Proved, Design, dict[str, Ab
     try:
         design = with_fades(design, task.scene)
     except NoFadeError as error:
-        say(f"{error.element} could be pumped however slowly it fades")
-        less = _without_fade(best, design, error.element)
+        say(f"{error} could be pumped however slowly it fades")
+        less = _without_fade(best, design, str(error))
         return _proposed(best_proved(less, choose_filters(less, say), {}, say), say)
     return best, as_stored(design), witnesses_of(task, solutions)
 
@@ -396,17 +393,13 @@ def candidates(
         return Candidate(margin=margin, profile=profile, error=None, favour=favour)
 
     chosen: tuple[Favour, ...] = ("stiffness", "mass")
-    favours = chosen if all(_left_open(scene, effect) for effect in chosen) else ()
+    wishes = [wish for each in scene.elements.values() for wish in each.wishes().items()]
+    left_open = {effect for effect, wish in wishes if wish.kind != "value"}
+    favours = chosen if left_open.issuperset(chosen) else ()
     return (
         *(tuned(margin) for margin in MARGINS),
         *(tuned(scene.margin, favour) for favour in favours),
     )
-
-
-def _left_open(scene: Scene, effect: EffectName) -> bool:
-    """Whether some element asks for as much of an effect as can be."""
-    wishes = [element.wishes().get(effect) for element in scene.elements.values()]
-    return any(wish is not None and wish.kind != "value" for wish in wishes)
 
 
 def compare_candidates(

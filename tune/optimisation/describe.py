@@ -294,11 +294,7 @@ def _passive(problem: Problem, values: dict[EffectName, float]) -> bool | Litera
 
 
 class NoFadeError(Exception):
-    """However slowly an element fades, a hand could pump the device. Attributes: element."""
-
-    def __init__(self, element: str) -> None:
-        self.element = element
-        super().__init__(element)
+    """The name of an element: however slowly it fades, a hand could pump the device."""
 
 
 def with_fades(design: Design, scene: Scene) -> Design:
@@ -321,26 +317,20 @@ def with_fades(design: Design, scene: Scene) -> Design:
             needed[name] = max(needed[name], time)
     elements = dict(design.elements)
     for name, time in needed.items():
-        least = time
-        if np.isfinite(time):
-            least = round(float(np.ceil(time / _DIGIT - 1e-9)) * _DIGIT, 2)
-        stated = _stated(name, least, scene.elements[name].fade_time)
+        least = round(float(np.ceil(time / _DIGIT - 1e-9)) * _DIGIT, 2)
+        if least > LONGEST_FADE:
+            raise NoFadeError(name)
+        wanted = scene.elements[name].fade_time
+        if wanted is not None and wanted < least:
+            raise InvalidInputError(
+                f"elements.{name}.fade_time",
+                f"{wanted:g} s is too fast: a hand that enters and leaves it in time could pump "
+                f"the device; it must fade over {least:g} s",
+                f"Ask for {least:g} s or more, or leave fade_time out",
+            )
+        stated = least if wanted is None else wanted
         elements[name] = elements[name].model_copy(update={"fade_time": stated})
     return design.model_copy(update={"elements": elements})
-
-
-def _stated(name: str, least: float, wanted: float | None) -> float:
-    """The fade time of an element that must fade over a least time, s."""
-    if least > LONGEST_FADE:
-        raise NoFadeError(name)
-    if wanted is not None and wanted < least:
-        raise InvalidInputError(
-            f"elements.{name}.fade_time",
-            f"{wanted:g} s is too fast: a hand that enters and leaves it in time could pump the "
-            f"device; it must fade over {least:g} s",
-            f"Ask for {least:g} s or more, or leave fade_time out",
-        )
-    return least if wanted is None else wanted
 
 
 def _slowest(design: Design, combination: Sequence[str], fading: Sequence[str], name: str) -> float:

@@ -42,26 +42,6 @@ class Proved:
     worth: CutoffObjective
     held_back: bool  # whether proofs leave less than linear limits do
 
-    @classmethod
-    def of(
-        cls, task: DesignTask, filters: Filters, choice: Filters, raised: int, say: Progress
-    ) -> Proved:
-        """The largest effects of every group with filters of a choice, raised so often."""
-        less, solutions = solve_groups(task, filters, say)
-        filtered = [
-            s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
-        ]
-        worth = worth_of(task, filtered)
-        return cls(
-            choice=choice,
-            raised=raised,
-            filters=filters,
-            task=less,
-            solutions=solutions,
-            worth=worth._replace(value=worth.value - _APART * len(less.apart)),
-            held_back=less != task or any(each.stepped_back for each in filtered),
-        )
-
 
 def best_proved(
     task: DesignTask,
@@ -78,9 +58,23 @@ def best_proved(
 
     def proved(choice: Filters, raised: int) -> Proved:
         filters = _with_less_lag(task, choice, raised)
-        if filters not in known:
-            known[filters] = Proved.of(task, filters, choice, raised, say)
-        return replace(known[filters], choice=choice, raised=raised)
+        if filters in known:
+            return replace(known[filters], choice=choice, raised=raised)
+        less, solutions = solve_groups(task, filters, say)
+        filtered = [
+            s for s in solutions if any(u.effect != "stiffness" for u in s.problem.unknowns)
+        ]
+        worth = worth_of(task, filtered)
+        known[filters] = Proved(
+            choice=choice,
+            raised=raised,
+            filters=filters,
+            task=less,
+            solutions=solutions,
+            worth=worth._replace(value=worth.value - _APART * len(less.apart)),
+            held_back=less != task or any(each.stepped_back for each in filtered),
+        )
+        return known[filters]
 
     best = proved(choices[0][0], 0)
     raised = _RAISED if best.held_back and task.scene.walls else 0

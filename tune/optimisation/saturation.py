@@ -84,13 +84,11 @@ def _ladders(problem: Problem, parts: Nonlinearities) -> list[list[int]]:
     lag = max(lags, default=0.0) / step
     for longest in (min(_LAGS * lag, LONGER), _ALL_LAGS * lag * long):
         tried += [longest] * (tried[-1] * _RATIO < longest <= _LONGEST)
-    return [_ladder(longest) for longest in tried]
-
-
-def _ladder(longest: float) -> list[int]:
-    """Delays of taps up to the longest, samples."""
-    count = int(np.log(longest / _SHORT) / np.log(_RATIO))
-    return [*range(1, _SHORT), *(round(_SHORT * _RATIO**step) for step in range(count + 1))]
+    counts = [int(np.log(longest / _SHORT) / np.log(_RATIO)) for longest in tried]
+    return [
+        [*range(1, _SHORT), *(round(_SHORT * _RATIO**power) for power in range(count + 1))]
+        for count in counts
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,15 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tune.documents import LoopError
 from tune.documents.scene import Effects
 from tune.loop.loop import ClosedLoop, Loop, closed_loop
-from tune.loop.polynomials import peak, positive_roots, slope, squared_modulus, value_at
+from tune.loop.polynomials import FloatArray, peak, positive_roots, slope, squared_modulus, value_at
 from tune.stability.verdict import is_stable
-
-FloatArray = NDArray[np.float64]
 
 #: A pole that decays by more than exp(-π) within one sample is gone before it can swing: even at
 #: the Nyquist frequency its damping ratio exceeds 1/√2. The poles that delays put near z = 0 are

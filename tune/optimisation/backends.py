@@ -17,16 +17,13 @@ from itertools import compress
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tune.loop.loop import Loop
-from tune.loop.polynomials import convolve, pad_coefficients
+from tune.loop.polynomials import FloatArray, convolve, pad_coefficients
 from tune.optimisation.limits import StabilityLimits
 from tune.optimisation.problem import Problem
 from tune.rendering import ripple_energy
 from tune.stability.criterion import routh_ratios
-
-FloatArray = NDArray[np.float64]
 
 #: (loop of ``problem.loops.late``, column): one corner at one delay, with the hand or without.
 Scenario = tuple[int, int]

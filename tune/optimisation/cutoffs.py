@@ -9,7 +9,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tune.documents.estimators import DERIVATIVES, filter_of
 from tune.documents.scene import EffectName, Effects
@@ -30,8 +29,6 @@ from tune.optimisation.solve import (
     groups,
     tune_with_filters,
 )
-
-FloatArray = NDArray[np.float64]
 
 #: The two cut-offs, and the effect that uses each.
 _CUTOFFS, _USES = ("velocity_filter_hz", "acceleration_filter_hz"), ("damping", "mass")

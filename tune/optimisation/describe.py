@@ -41,6 +41,7 @@ from tune.documents.scene import (
 )
 from tune.loop.loop import Filters, filters_of, used_filters
 from tune.loop.plant import LONGEST_DELAY, WHOLE
+from tune.loop.polynomials import FloatArray
 from tune.loop.state_space import Corner, corners_of
 from tune.optimisation.feasibility import TOO_LITTLE, bindings, ripple, worst_gain
 from tune.optimisation.limits import Unknown
@@ -54,7 +55,6 @@ if TYPE_CHECKING:
     from tune.optimisation.nash import AllFound, Solution
 
 BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
 
 #: Parts of a sample in which a delay margin is looked for and claimed.
 _PARTS = 10

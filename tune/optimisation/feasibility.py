@@ -17,6 +17,7 @@ from identification import counted, round_to_digits
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
+from tune.loop.polynomials import FloatArray
 from tune.optimisation.limits import DIGITS, Unknown
 from tune.optimisation.problem import Combination, Problem
 from tune.stability.verdict import (
@@ -29,7 +30,6 @@ from tune.stability.verdict import (
 )
 
 BoolArray = NDArray[np.bool_]
-FloatArray = NDArray[np.float64]
 
 #: Sizes closer than this, relative, are one; also the disagreement of two solvers, in the logarithm
 #: of the product, that is worth recording.

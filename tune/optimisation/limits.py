@@ -28,11 +28,10 @@ from tune.documents.perception import Scale
 from tune.documents.profile import LimitedBy
 from tune.documents.scene import EffectName, Wish
 from tune.loop.loop import Loop
+from tune.loop.polynomials import ComplexArray, FloatArray
 from tune.rendering import IN_MOTION, PLACES, Band, Shares
 from tune.stability.verdict import stability_limits
 
-ComplexArray = NDArray[np.complex128]
-FloatArray = NDArray[np.float64]
 _Table = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.loop.polynomials import FloatArray
 from tune.optimisation.backends import (
     Backend,
     Evaluation,
@@ -40,7 +41,6 @@ from tune.optimisation.problem import Problem
 if TYPE_CHECKING:
     from tune.documents.profile import AbsoluteStability
 
-FloatArray = NDArray[np.float64]
 #: Gains found, 0 for none, by the elements of combinations that must be absolutely stable.
 AllFound = Mapping[tuple[str, ...], "AbsoluteStability"]
 

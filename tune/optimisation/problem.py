@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Device, round_to_digits
 from tune.documents.perception import PerceptionTable, Scale
@@ -29,6 +28,7 @@ from tune.documents.scene import (
     hand_of,
 )
 from tune.loop.loop import Filters, used_filters
+from tune.loop.polynomials import FloatArray
 from tune.optimisation.limits import (
     Combination,
     LinearLimits,
@@ -37,8 +37,6 @@ from tune.optimisation.limits import (
 )
 from tune.optimisation.region import Loops, Region
 from tune.rendering import FASTEST, Shares
-
-FloatArray = NDArray[np.float64]
 
 #: N: an actuator without any force is taken to have this much.
 _NO_FORCE = 1e-30

@@ -13,17 +13,16 @@ from itertools import chain, product
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import Box, Device, Mode, Quantity
 from tune.documents import LoopError
 from tune.documents.scene import EffectName, Effects, Hand
 from tune.loop.loop import Filters, Loop, stack_loops
 from tune.loop.plant import LONGEST_DELAY, WHOLE, HandNumbers, ModeNumbers, SampledPlant
+from tune.loop.polynomials import FloatArray
 from tune.rendering import force_ripple
 from tune.stability.verdict import last_within, stable_values
 
-FloatArray = NDArray[np.float64]
 _Given = ParamSpec("_Given")
 _Answer = TypeVar("_Answer")
 

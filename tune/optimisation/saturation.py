@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from identification import round_to_digits
 from tune.documents.profile import AbsoluteStability, Channel, Multiplier, Tap
 from tune.documents.scene import EFFECT_NAMES, EffectName, Effects, Margin
+from tune.loop.polynomials import ComplexArray, FloatArray
 from tune.optimisation.feasibility import round_sizes
 from tune.optimisation.problem import LONGER, ROOM, SLACK, Combination, Problem
 from tune.stability.nonlinear import (
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
     from tune.optimisation.nash import AllFound, Optimum
 
-ComplexArray = NDArray[np.complex128]
-FloatArray = NDArray[np.float64]
 
 #: Delays of the taps, samples: all of the short ones, then each so many times the one before, up to
 #: so many times the delay of the loop, or to this many.

@@ -8,12 +8,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification import as_stored
 from tune.documents.profile import AbsoluteStability
 from tune.documents.scene import MARGINS, Scene
 from tune.loop.loop import Filters
+from tune.loop.polynomials import FloatArray
 from tune.optimisation.backends import Backend, Ipopt, Scenario, Slsqp
 from tune.optimisation.describe import why_unproved
 from tune.optimisation.feasibility import (
@@ -40,7 +40,6 @@ from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem
 if TYPE_CHECKING:
     from tune.optimisation.saturation import Tried
 
-FloatArray = NDArray[np.float64]
 #: No bounds but those of the problem.
 _ANY: Mapping[str, float] = MappingProxyType({})
 

@@ -46,6 +46,7 @@ from tune.loop.state_space import Corner, corners_of
 from tune.optimisation.feasibility import TOO_LITTLE, bindings, ripple, worst_gain
 from tune.optimisation.limits import Unknown
 from tune.optimisation.problem import SLACK, Combination, DesignTask, Problem
+from tune.optimisation.saturation import witness_of
 from tune.rendering import contact, rendered_mass_and_damping
 from tune.stability.criterion import damping_needed
 from tune.stability.nonlinear import MOST_JITTER, Values, jitter_margin, shortest_fade
@@ -215,14 +216,9 @@ def element_profile(
     gains = [each.gain for each in mine]
     # What an unstable loop makes of the encoder's noise has no number.
     noise = ripple(problem, alone[0], sizes) if alone and min(gains) > 1 else None
-    absolute_gain = None
-    if absolute:
-        from tune.optimisation.saturation import witness_of
-
-        kept = MARGINS[scene.margin]
-        clamped = [witness_of(one, kept, slack).gain for m, one in absolute.items() if name in m]
-        absolute_gain = min(clamped, default=None)
-        gains += clamped
+    kept = MARGINS[scene.margin]
+    clamped = [witness_of(one, kept, slack).gain for m, one in absolute.items() if name in m]
+    gains += clamped
     pumps = bool(values["mass"]) or min(values.values()) < 0
     return ElementProfile(
         stiffness=values["stiffness"],
@@ -234,7 +230,7 @@ def element_profile(
             extra_delay_samples=min([float(MOST_EXTRA_DELAY), *(each.late for each in mine)]),
             passive=_passive(problem, values),
             jitter=round_to_digits(min([MOST_JITTER, *(each.jitter for each in mine)]), 4),
-            absolute_gain=absolute_gain,
+            absolute_gain=min(clamped, default=None),
         ),
         ripple=None if noise is None else round_to_digits(noise, 4),
         limited_by=limited,
@@ -304,9 +300,8 @@ def with_fades(design: Design, scene: Scene) -> Design:
     combination fade, each at any time, all of them together move a swing as their sum does, and
     each takes so many times longer.
 
-    Raises:
-        InvalidInputError: the scene asks for a shorter time.
-        NoFadeError: no fade is slow enough.
+    Raises InvalidInputError where the scene asks for a shorter time, NoFadeError where no fade is
+    slow enough.
     """
     needed = {name: SHORTEST_FADE for name, element in design.elements.items() if element.fades}
     # While a wall pushes no level moves.

@@ -12,11 +12,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tune.documents.profile import AbsoluteStability
 from tune.loop.polynomials import FloatArray
 from tune.optimisation.backends import (
     Backend,
@@ -38,11 +39,8 @@ from tune.optimisation.feasibility import (
 from tune.optimisation.limits import Unknown
 from tune.optimisation.problem import Problem
 
-if TYPE_CHECKING:
-    from tune.documents.profile import AbsoluteStability
-
 #: Gains found, 0 for none, by the elements of combinations that must be absolutely stable.
-AllFound = Mapping[tuple[str, ...], "AbsoluteStability"]
+AllFound = Mapping[tuple[str, ...], AbsoluteStability]
 
 #: Sizes that stay are given up by this part, so that those after them are not wedged in.
 _EASE = 3e-7
@@ -90,7 +88,7 @@ class Solution:
     # sizes as they were found; empty where nothing was looked for
     unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
     # gains of the combinations that must be absolutely stable
-    absolute: AllFound = field(default_factory=dict[tuple[str, ...], "AbsoluteStability"])
+    absolute: AllFound = field(default_factory=dict[tuple[str, ...], AbsoluteStability])
     stepped_back: frozenset[int] = frozenset()  # unknowns that are smaller for it
     # a wall and an element that are not proved together; None if all are
     clash: tuple[str, str] | None = None
@@ -320,11 +318,8 @@ def feasible_subsets(
     Of the first rank as many as can be kept together, then of the next beside them, and so on.
     Nothing is weighed against the product of steps: an effect is left out only where one step of it
     is out of reach. Several sets of one size where that leaves a choice; ranges are in all of them.
-    Empty where a range cannot be.
-
-    Args:
-        unknowns: the faintest last.
-        feasible: whether a set can be kept, each of it at one step or where its range begins.
+    Empty where a range cannot be. The faintest unknowns come last; feasible is a set that can be
+    kept, each of it at one step or where its range begins.
     """
     sets = [frozenset[str]()]
     for level in sorted({unknown.level for unknown in unknowns}):

@@ -14,6 +14,7 @@ from tune.optimisation.feasibility import feasible_points, largest_allowed
 from tune.optimisation.limits import Unknown
 from tune.optimisation.nash import Solution
 from tune.optimisation.problem import CutoffAxis, DesignTask
+from tune.optimisation.saturation import prove_combinations
 from tune.optimisation.solve import CutoffObjective, groups, rank_of, solve, worth_of
 
 Progress = Callable[[str], None]
@@ -183,8 +184,6 @@ def _proved_with(
     solutions: Sequence[Solution], larger: Mapping[Unknown, float]
 ) -> list[Solution] | None:
     """The solutions with other sizes of some effects, if the multipliers at hand prove them all."""
-    from tune.optimisation.saturation import prove_combinations
-
     rounded = {
         u.label: u.high if size > u.high * (1 - 2 * _BELOW) else u.rounded_at(u.steps(size))
         for u, size in larger.items()

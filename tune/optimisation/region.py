@@ -82,10 +82,8 @@ class Region:
     def of(device: Device, hand: Hand | None, *, extra: int) -> Region:
         """The simultaneous box of a device, to be judged with up to ``extra`` samples of delay.
 
-        Kept, with its plants, for who asks about the same device again.
-
-        Raises:
-            LoopError: a delay too long for its margin to be judged.
+        Kept, with its plants, for who asks about the same device again. Raises LoopError for a
+        delay too long for its margin to be judged.
         """
         box = device.simultaneous_box()
         longest = box.delay[1] / box.sample_time[0]

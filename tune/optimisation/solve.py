@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,9 +36,14 @@ from tune.optimisation.nash import (
     largest_product,
 )
 from tune.optimisation.problem import DesignTask, Problem, may_saturate, problem_of
-
-if TYPE_CHECKING:
-    from tune.optimisation.saturation import Tried
+from tune.optimisation.saturation import (
+    MOST_LOST,
+    Tried,
+    largest_sets,
+    soften,
+    step_back,
+    witness_of,
+)
 
 #: No bounds but those of the problem.
 _ANY: Mapping[str, float] = MappingProxyType({})
@@ -176,8 +181,6 @@ def _solved(
     alone: dict[str, float] = {}
     tightest: tuple[str, ...] = ()
     if any(combination.absolute for combination in problem.combinations):
-        from tune.optimisation.saturation import MOST_LOST, soften, step_back
-
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
         short = gain < problem.proved_gain
@@ -246,14 +249,10 @@ def _pair(
 
 def witnesses_of(task: DesignTask, solutions: Sequence[Solution]) -> dict[str, AbsoluteStability]:
     """What proves the clamps of solutions, by combination, as stored; nothing where none may be."""
-    found = proofs_of(solutions)
-    if not found:
-        return {}
-    from tune.optimisation.saturation import witness_of
-
     kept, slack = MARGINS[task.scene.margin], task.slack
     return {
-        " + ".join(names): as_stored(witness_of(one, kept, slack)) for names, one in found.items()
+        " + ".join(names): as_stored(witness_of(one, kept, slack))
+        for names, one in proofs_of(solutions).items()
     }
 
 
@@ -265,10 +264,6 @@ def proofs_of(solutions: Sequence[Solution]) -> AllFound:
         for solved in solutions
         for names, one in solved.absolute.items()
     }
-    if not found:
-        return found
-    from tune.optimisation.saturation import largest_sets
-
     return {names: found[names] for names in largest_sets(found)}
 
 

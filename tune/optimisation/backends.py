@@ -20,7 +20,7 @@ import numpy as np
 
 from tune.loop.loop import Loop
 from tune.loop.polynomials import FloatArray, convolve, pad_coefficients
-from tune.optimisation.limits import StabilityLimits
+from tune.optimisation.limits import StabilityLimits, corner_table
 from tune.optimisation.problem import Problem
 from tune.rendering import ripple_energy
 from tune.stability.criterion import routh_ratios
@@ -254,11 +254,16 @@ def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
         numbers += [_table(nominal, 1.0), _law(nominal, float(unit * (1 + _INSIDE)))]
     plain = sum(part.size for part in numbers)
     numbers += [_table(loop, gain)[:, :, chosen] for loop, chosen in shown]
-    shares = problem.shares(sprung=True), problem.shares(sprung=False)
+    stability = StabilityLimits(
+        tables=tuple(corner_table(loop, chosen) for loop, chosen in shown),
+        grounded=tuple(loop.grounded for loop, _ in shown),
+        shares=(problem.shares(sprung=True), problem.shares(sprung=False)),
+        gain=gain,
+    )
     return Program(
         structure=structure,
         plain=plain,
-        stability=StabilityLimits.of(shares, shown, gain),
+        stability=stability,
         parameters=np.concatenate([part.ravel() for part in numbers]),
         signs=np.array([float(sign) for sign in structure.signs]),
         scales=scales,

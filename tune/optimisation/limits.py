@@ -419,22 +419,7 @@ class StabilityLimits:
     # what each unknown adds to K, B and M of the combinations with a spring and of those without,
     # shape (combinations, 3, unknowns) each
     shares: tuple[FloatArray, FloatArray]
-    gain: float
-
-    @classmethod
-    def of(
-        cls,
-        shares: tuple[FloatArray, FloatArray],
-        shown: Sequence[tuple[Loop, Sequence[int]]],
-        gain: float,
-    ) -> StabilityLimits:
-        """At some columns of loops, up to the gain that must be stable."""
-        return cls(
-            tables=tuple(_table(loop, columns) for loop, columns in shown),
-            grounded=tuple(loop.grounded for loop, _ in shown),
-            shares=shares,
-            gain=gain,
-        )
+    gain: float  # up to which it must be stable
 
     @property
     def size(self) -> int:
@@ -519,8 +504,8 @@ def _changes(effects: FloatArray, powers: ComplexArray, parts: FloatArray) -> Co
     return np.einsum("mce,mei->mci", each, parts)
 
 
-def _table(loop: Loop, columns: Sequence[int]) -> _Table:
-    chosen = list(columns)
+def corner_table(loop: Loop, chosen: list[int]) -> _Table:
+    """The table of `StabilityLimits` of a loop at some columns."""
     scales = np.stack([np.broadcast_to(s, loop.terms.free.shape[1:]) for s in loop.scales])
     terms, sizes = (
         np.stack([part.alpha, part.beta, part.gamma])[..., chosen] * scales[:, None, chosen]

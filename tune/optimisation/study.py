@@ -149,9 +149,7 @@ def attempted(work: Callable[[], _Result]) -> tuple[Exit, str | None, _Result | 
         return Exit.LOG_REFUSED, "\n".join(refusals), None
     except Exception as error:  # noqa: BLE001 - it is told, and no other device is stopped
         code = Exit.of(error)
-        name = (
-            "" if code is not Exit.INTERNAL_ERROR else f"internal error: {type(error).__name__}: "
-        )
+        name = f"internal error: {type(error).__name__}: " * (code is Exit.INTERNAL_ERROR)
         return code, f"{name}{error}", None
 
 

@@ -195,8 +195,17 @@ def _assumptions(design: Design) -> tuple[str, ...]:
 
 def _not_assessed(design: Design) -> tuple[str, ...]:
     """What the proof leaves out."""
+    # Friction that the logs show and no slope over speed covers.
+    uncovered = (
+        f"{force.words}, {force.share:.1%} of the force in {log.source}: the certified loop has "
+        "none"
+        for log in design.device.logs
+        for force in log.unmodelled_forces
+        if not force.rises
+        and not (force.kind == "memory" and design.device.presliding_stiffness is not None)
+    )
     return (
-        *_uncovered(design),
+        *uncovered,
         *(_NOT_ASSESSED_OF_WALLS if _walls(design) else _NOT_ASSESSED),
         *(() if design.device.damping_slope is None else (_CURVE,)),
     )
@@ -215,18 +224,6 @@ def _fades(design: Design, effect: EffectName | None = None) -> bool:
     return any(
         element.fades and (effect is None or getattr(element, effect))
         for element in design.elements.values()
-    )
-
-
-def _uncovered(design: Design) -> tuple[str, ...]:
-    """Friction that the logs show and no slope over speed covers."""
-    return tuple(
-        f"{force.words}, {force.share:.1%} of the force in {log.source}: the certified loop has "
-        "none"
-        for log in design.device.logs
-        for force in log.unmodelled_forces
-        if not force.rises
-        and not (force.kind == "memory" and design.device.presliding_stiffness is not None)
     )
 
 

@@ -141,7 +141,9 @@ def _common_denominator(velocity: _Estimator, acceleration: _Estimator) -> Law:
     missing = list(velocity.factors)
     only_acceleration: list[Polynomial] = []
     for factor in acceleration.factors:
-        shared = next((k for k, other in enumerate(missing) if factor.same_as(other)), None)
+        values = (other.value for other in missing)
+        alike = (k for k, value in enumerate(values) if np.array_equal(factor.value, value))
+        shared = next(alike, None)
         if shared is None:
             only_acceleration.append(factor)
         else:

@@ -106,7 +106,15 @@ def _block(
     motion = _Motion.of(a, b)
     total, total_size = _integral(motion, "sum", np.zeros_like(a), np.ones_like(a))
     skew, skew_size = _integral(motion, "difference", np.zeros_like(a), np.ones_like(a))
-    denominator = _denominator(motion, b * total, b * total_size)
+    left = np.exp(-motion.decay)
+    real = (1 + np.exp(-motion.slow)) * (1 + np.exp(-motion.fast))
+    bent = np.expm1(-motion.decay) ** 2 + 4 * left * np.cos(motion.angle / 2) ** 2
+    # The rounding of the angle, against which 1 + t + p may be small.
+    slack = 2 * left * np.abs(motion.angle * np.sin(motion.angle))
+    far = np.where(motion.real, real, bent)
+    middle = -2 * np.expm1(-a)
+    sizes = b * total_size, np.abs(middle), far + slack
+    denominator = _polynomial((b * total, middle, far), sizes)
     if fraction is None:
         g, size = motion.impulse(np.ones_like(a))
         return (
@@ -140,19 +148,6 @@ def _block(
 
 def _polynomial(values: tuple[FloatArray, ...], sizes: tuple[FloatArray, ...]) -> Polynomial:
     return Polynomial(value=np.stack(values), size=np.stack(sizes))
-
-
-def _denominator(motion: _Motion, near: FloatArray, near_size: FloatArray) -> Polynomial:
-    left = np.exp(-motion.decay)
-    real = (1 + np.exp(-motion.slow)) * (1 + np.exp(-motion.fast))
-    bent = np.expm1(-motion.decay) ** 2 + 4 * left * np.cos(motion.angle / 2) ** 2
-    # The rounding of the angle, against which 1 + t + p may be small.
-    slack = 2 * left * np.abs(motion.angle * np.sin(motion.angle))
-    far = np.where(motion.real, real, bent)
-    middle = -2 * np.expm1(-motion.damping)
-    return Polynomial(
-        value=np.stack([near, middle, far]), size=np.stack([near_size, np.abs(middle), far + slack])
-    )
 
 
 def _integral(
@@ -247,11 +242,6 @@ class HandNumbers(NamedTuple):
     mass: ArrayLike
     damping: ArrayLike
     stiffness: ArrayLike
-
-    @classmethod
-    def of(cls, hand: Hand) -> HandNumbers:
-        """The best estimate of a hand."""
-        return cls(mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value)
 
 
 class _Vibration(NamedTuple):
@@ -401,7 +391,7 @@ class SampledPlant:
             sample_time=device.sample_time.value,
             delay_samples=device.delay.value / device.sample_time.value + extra_delay_samples,
             modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
-            hand=None if hand is None else HandNumbers.of(hand),
+            hand=None if hand is None else HandNumbers(*(each.value for _, each in hand)),
             current_lag=0.0 if device.current_lag is None else device.current_lag.value,
             position_stiffness=device.slope_at_zero,
         )

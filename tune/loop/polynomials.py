@@ -67,10 +67,6 @@ class Polynomial:
             value, size = _total(value, other.value), _total(size, other.size)
         return Polynomial(value=value, size=size)
 
-    def same_as(self, other: Polynomial) -> bool:
-        """Whether the two are one and the same factor, number for number."""
-        return np.array_equal(self.value, other.value)
-
 
 #: The polynomial 1.
 ONE = Polynomial.exact(1.0)

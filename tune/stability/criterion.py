@@ -365,20 +365,7 @@ def damping_needed(
     for _ in range(delay_samples):
         numerator = np.convolve(numerator, [1.0, -1.0])
         denominator = np.convolve(denominator, [1.0, 1.0])
-    top, bottom = _real_minus_slope(numerator, denominator)
-    rate = float(loop.scales[1])
-
-    def needed(v: FloatArray) -> FloatArray:
-        return np.polyval(top[::-1], v * v) / np.polyval(bottom[::-1], v * v)
-
-    corners = np.abs(np.roots(denominator[::-1]))
-    return peak(needed, top, bottom, corners)[0] / (2 * rate)
-
-
-def _real_minus_slope(
-    numerator: FloatArray, denominator: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(P, Q) in x = v² with P/Q = Re C - Im C/v for C = numerator/denominator in w = jv."""
+    # (top, bottom) in x = v² of Re C - Im C/v for C = numerator/denominator in w = jv.
     mirrored = denominator * (-1.0) ** np.arange(len(denominator))
     even, odd = parts_on_axis(np.convolve(numerator, mirrored))
     squared = squared_modulus(denominator)
@@ -386,4 +373,10 @@ def _real_minus_slope(
     top[: len(even)] = even
     top[: len(odd)] -= odd
     bottom[: len(squared)] = squared
-    return top, bottom
+    rate = float(loop.scales[1])
+
+    def needed(v: FloatArray) -> FloatArray:
+        return np.polyval(top[::-1], v * v) / np.polyval(bottom[::-1], v * v)
+
+    corners = np.abs(np.roots(denominator[::-1]))
+    return peak(needed, top, bottom, corners)[0] / (2 * rate)

@@ -219,7 +219,10 @@ def absolute_gain(
     """
     inverse = _inverse_gain(responses, parts, multiplier)
     angle = np.broadcast_to(responses.angle, inverse.shape)
-    low, high = _around_peaks(inverse, angle)
+    # Between the neighbours of the highest peaks of each loop, (loops, peaks).
+    order = np.argsort(np.where(is_peak(inverse), inverse, -np.inf), axis=1)[:, -_PEAKS:]
+    low = np.take_along_axis(angle, np.maximum(order - 1, 0), axis=1)
+    high = np.take_along_axis(angle, np.minimum(order + 1, inverse.shape[1] - 1), axis=1)
     most = inverse.max(axis=1)
     for _ in range(_ZOOMS if np.all(most * enough <= 1) else 0):
         places = np.linspace(low, high, _ZOOM_POINTS, axis=-1)
@@ -237,13 +240,6 @@ def is_peak(values: FloatArray) -> NDArray[np.bool_]:
     """Where rows of values, (loops, points), are no less than on either side."""
     padded = np.pad(values, ((0, 0), (1, 1)), constant_values=-np.inf)
     return (values >= padded[:, :-2]) & (values >= padded[:, 2:])
-
-
-def _around_peaks(inverse: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(lower, upper) neighbours of the highest peaks of each loop, (loops, peaks)."""
-    order = np.argsort(np.where(is_peak(inverse), inverse, -np.inf), axis=1)[:, -_PEAKS:]
-    low, high = np.maximum(order - 1, 0), np.minimum(order + 1, inverse.shape[1] - 1)
-    return np.take_along_axis(angle, low, axis=1), np.take_along_axis(angle, high, axis=1)
 
 
 def _inverse_gain(

@@ -177,14 +177,12 @@ _BEYOND, _ROUGH_POLISHES = 1.01, 2
 class Intervals(NamedTuple):
     """Open intervals of a gain or a size, stable strictly inside; shape (intervals, *shape).
 
-    Attributes:
-        low: lower ends; 0 where the interval is connected to zero.
-        high: upper ends, of the same shape; inf where there is no end. Unused entries are nan, and
-            so is the end of an interval from 0 where what is given is not finite.
+    Unused entries are nan, and so is the end of an interval from 0 where what is given is not
+    finite.
     """
 
-    low: FloatArray
-    high: FloatArray
+    low: FloatArray  # lower ends; 0 where the interval is connected to zero
+    high: FloatArray  # upper ends, of the same shape; inf where there is no end
 
 
 def stable_intervals(
@@ -222,14 +220,11 @@ def stable_intervals(
 class _StabilityLimits(NamedTuple):
     """How a family of polynomials, shape (loops,), ceases to be stable below or beyond some s."""
 
-    #: Upper end of the last stable interval that begins below; 0 if nothing small is stable.
+    # Upper end of the last stable interval that begins below; 0 if nothing small is stable.
     end: FloatArray
-    #: Of the root w = jω that crosses there, 0 and inf at the ends of the axis.
-    omega: FloatArray
-    #: There is an unstable gap below that end.
-    broken: NDArray[np.bool_]
-    #: Frequencies v, (candidates, loops), about which roots cross or nearly do, or nan.
-    near: FloatArray
+    omega: FloatArray  # of the root w = jω that crosses there, 0 and inf at the ends of the axis
+    broken: NDArray[np.bool_]  # there is an unstable gap below that end
+    near: FloatArray  # frequencies v, (candidates, loops), where roots cross or nearly do, or nan
 
 
 def stability_limits(

@@ -235,10 +235,8 @@ def _determinant(
 def _taps(
     theta: AffineForm, channel: Channel, *, normal: bool
 ) -> tuple[AffineForm, float, AffineForm]:
-    """(Re M/θ², M/(jθ) at θ = 0, what is more of it over θ) of the taps of a multiplier.
-
-    Where it is to be normal they are weighed so that the second is 1.
-    """
+    """(Re M/θ², M/(jθ) at θ = 0, what is more of it over θ) of the taps of a multiplier."""
+    # Where it is to be normal they are weighed so that the second is 1.
     slope = sum(tap.weight * tap.samples for tap in channel.taps)
     real = rest = theta * 0.0
     for tap in channel.taps:
@@ -272,15 +270,13 @@ def _is_clamped(design: Design, combination: tuple[str, ...]) -> bool:
 
 
 def clamped_combinations(design: Design) -> tuple[tuple[str, ...], ...]:
-    """Combinations with a clamp that may be reached and are part of no other such combination.
-
-    What is proved of them covers their parts: a clamp that never pushes is nondecreasing, what is
-    switched may stay off, and what fades may be at nothing.
-    """
+    """Combinations with a clamp that may be reached and are part of no other such combination."""
     played = {name for name in design.elements if setting_of(design, (name,))}
     combinations = [
         played.intersection(each) for each in design.combinations() if _is_clamped(design, each)
     ]
+    # What is proved of them covers their parts: a clamp that never pushes is nondecreasing, what is
+    # switched may stay off, and what fades may be at nothing.
     largest = [each for each in combinations if not any(each < other for other in combinations)]
     return tuple(each for each in design.combinations() if set(each) in largest)
 

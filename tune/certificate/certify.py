@@ -420,10 +420,8 @@ def _exceeds(claim: Claim, known: AbsoluteStability) -> bool:
 
 
 def _ray_of(setting: Setting) -> tuple[tuple[float, ...], float]:
-    """What a setting shares with its smaller and larger gains, and its own gain along that.
-
-    To the last digit those are settings of one effect, or equal ones.
-    """
+    """What a setting shares with its smaller and larger gains, and its own gain along that."""
+    # To the last digit those are settings of one effect, or equal ones.
     if sum(map(bool, setting.sizes)) > 1:
         return setting.sizes, 1.0
     size = sum(setting.sizes)

@@ -410,14 +410,7 @@ def _wrong_passivity(design: Design, name: str, setting: Setting | None) -> Iter
 
 
 def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]:
-    """A limit that is said to bind, but leaves room for much more.
-
-    What is stopped by the same limit in an element goes together: a proof of clamps that fails
-    takes all of the element back at once, and each alone may have room then. A margin is of a whole
-    combination: where a proof took some slack, each element alone may have more room than all, and
-    one that hardly moves the others' loop much more. Elements leave more room for the proof of a
-    wall than it needs once all have.
-    """
+    """A limit that is said to bind, but leaves room for much more."""
     words = design.elements[name].limited_by
     word = words[effect]
 
@@ -430,6 +423,11 @@ def _wrong_limit(design: Design, name: str, effect: EffectName) -> Iterator[str]
             elements[each] = elements[each].model_copy(update=sizes)
         return _exceeds(design.model_copy(update={"elements": elements}), name, effect, spare)
 
+    # What is stopped by the same limit in an element goes together: a proof of clamps that fails
+    # takes all of the element back at once, and each alone may have room then. A margin is of a
+    # whole combination: where a proof took some slack, each element alone may have more room than
+    # all, and one that hardly moves the others' loop much more. Elements leave more room for the
+    # proof of a wall than it needs once all have.
     if exceeds(_GROWN, [name], [effect]):
         return
     alike: list[EffectName] = [e for e, other in words.items() if word in {other, "saturation"}]

@@ -86,10 +86,8 @@ def _ripple_by_integration(point: Point, setting: Setting, resolution: float) ->
 
 
 def _panels(denominator: FloatArray) -> FloatArray:
-    """Edges of panels from 0 to π that are as narrow about each pole as its peak.
-
-    The denominator is in powers of z - 1, the highest first.
-    """
+    """Edges of panels from 0 to π that are as narrow about each pole as its peak."""
+    # The denominator is in powers of z - 1, the highest first.
     # Those near z = 1 are found best as the largest of the reversed polynomial.
     inverse: ComplexArray = np.roots(denominator[::-1]).astype(np.complex128)
     with np.errstate(all="ignore"):

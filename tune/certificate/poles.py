@@ -51,6 +51,7 @@ class SampledPlant:
 
 def sampled_plant(point: Point) -> SampledPlant:
     """The plant at one point; to be called within `precision`."""
+    # The plain plant is equation (37) as printed, any other the exponential of its matrix.
     return _printed(point) if point.plain else _by_exponential(point)
 
 
@@ -170,10 +171,7 @@ class Law:
 
 
 def closed_loop(point: Point, setting: Setting) -> ClosedLoop:
-    """Plant and law put together, at one point.
-
-    The plain plant is equation (37) as printed; any other comes from the exponential of its matrix.
-    """
+    """Plant and law put together, at one point."""
     with precision():
         plant = sampled_plant(point)
         law = law_of(setting, point.sample_time)

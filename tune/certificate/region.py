@@ -219,13 +219,11 @@ class Region:
         )
 
     def reactive(self) -> tuple[int, int] | None:
-        """Places among the sides of a mass and a spring that act at the same place.
-
-        At one frequency they act by their reactance k - m·ω² only, so that of all their pairs
-        those on the way from heaviest and softest to lightest and stiffest are enough.
-        """
+        """Places among the sides of a mass and a spring that act at the same place."""
         if self.hand is None:
             return None
+        # At one frequency they act by their reactance k - m·ω² only, so that of all their pairs
+        # those on the way from heaviest and softest to lightest and stiffest are enough.
         return (0 if self.hand.mass == (0.0, 0.0) and not self.modes else 6), 8
 
     def merged(self) -> Region:

@@ -78,15 +78,13 @@ def state_space(region: Region, values: FloatArray) -> tuple[FloatArray, FloatAr
 def held_motion(
     motion: FloatArray, drive: FloatArray, time: float | FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B).
-
-    The exponential of a matrix, by scaling and squaring; times are of shape (..., stack).
-    """
+    """(Φ, Γ) of x after a time of constant force F, Φ·x + Γ·F, for a stack of (A, B)."""
     size = motion.shape[-1]
     matrix = np.zeros((len(motion), size + 1, size + 1))
     matrix[:, :size, :size] = motion
     matrix[:, :size, size] = drive
     matrix = matrix * np.asarray(time)[..., None, None]
+    # The exponential of a matrix, by scaling and squaring; times are of shape (..., stack).
     norm = np.abs(matrix).sum(axis=-1).max(initial=0.5)
     halvings = max(0, int(np.ceil(np.log2(2 * norm))))
     scaled = matrix / 2.0**halvings

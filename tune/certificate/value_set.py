@@ -233,11 +233,9 @@ class _Scaled:
         return numerator, denominator
 
     def reduced(self, s: AffineForm) -> tuple[Term, AffineForm]:
-        """Both of `plant` over m + c·m_h, all the mass that a fast force moves.
-
-        At high frequencies the denominator is all but the same for every hand, however wide their
-        range is.
-        """
+        """Both of `plant` over m + c·m_h, all the mass that a fast force moves."""
+        # At high frequencies the denominator is all but the same for every hand, however wide their
+        # range is.
         every, numerator, grasped, apart = self._numerators(s)
         denominator = (self._inertial(s) if self.grounded else s + self.ratio) * every
         if self.hand is not None:
@@ -261,10 +259,7 @@ class _Scaled:
         return numerator * self.per_mass, denominator
 
     def _numerators(self, s: AffineForm) -> tuple[Term, Term, Term, Term]:
-        """Product of the resonances, numerators of encoder and handle, and of the two apart.
-
-        The last is how the encoder still moves where the hand holds the handle at rest.
-        """
+        """Product of the resonances, numerators of encoder and handle, and of the two apart."""
         if not self.modes:
             return 1.0, 1.0, 1.0, 0.0
         each = [s * (s + a) + c for a, c in self.modes]
@@ -274,6 +269,7 @@ class _Scaled:
         if self.hand is None:
             return every, encoder, encoder, 0.0
         handle = every + inertial * _weighed(others, [h * h for _, h in self.participations])
+        # How the encoder still moves where the hand holds the handle at rest.
         apart = _weighed(others, [(e - h) ** 2 for e, h in self.participations])
         for i, j in combinations(range(len(each)), 2):
             (ei, hi), (ej, hj) = self.participations[i], self.participations[j]
@@ -347,11 +343,7 @@ class _Scaled:
         return _MOST_ALIASES
 
     def _rest(self, count: int) -> float:
-        """Bound of what the aliases beyond ``count`` add to the leading terms.
-
-        With the mass divided out, P = g'(M + C/S + K/S²)^-1·g/S² with M not below 1, so that what
-        follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
-        """
+        """Bound of what the aliases beyond ``count`` add to the leading terms."""
         least = 1 / range_of(self.per_mass)[1]
         handle, encoder = self.handle, _squares(e for e, _ in self.participations)
         damping = max(
@@ -362,6 +354,8 @@ class _Scaled:
         if self.hand is not None:
             damping += range_of(self.hand[1] * self.per_mass)[1] * handle
             spring += range_of(self.stiffness * self.per_mass)[1] * handle
+        # With the mass divided out, P = g'(M + C/S + K/S²)^-1·g/S² with M not below 1, so that what
+        # follows 1/S³ is at most g²·(K + ρ'²/(1-ρ))/S⁴, ρ = C/S + K/S² by norms.
         nearest = np.pi * (2 * count + 1)
         share = (damping + spring / nearest) / nearest
         if share >= 1:
@@ -512,14 +506,12 @@ def gain_vertices(
 
 
 def excludes_zero(*forms: AffineForm) -> NDArray[np.bool_]:
-    """Whether zero lies outside the convex hull of affine forms: all on one side of some line.
-
-    The best line runs along an edge of one of the sets, or square to one of the centres.
-    """
+    """Whether zero lies outside the convex hull of affine forms: all on one side of some line."""
     excluded = np.zeros(forms[0].centre.shape, dtype=np.bool_)
     middle = np.zeros_like(forms[0].centre)
     for form in forms:
         middle = middle + form.centre / np.abs(form.centre)
+    # The best line runs along an edge of one of the sets, or square to one of the centres.
     normals = [*(form.centre for form in forms), middle]
     normals += [1j * slope for form in forms for slope in form.slopes]
     for normal in normals:

@@ -148,11 +148,9 @@ def initial_cells(region: Region, claims: Sequence[Claim]) -> Cells:
 
 
 def _delays(region: Region, extra: float) -> Iterator[tuple[Interval, Interval]]:
-    """(extra samples, delay of the device) in pieces of half a sample of either.
-
-    Where the step is known and the delay is not, they are one side: the phase is of their sum.
-    """
+    """(extra samples, delay of the device) in pieces of half a sample of either."""
     step, (low, high) = region.sample_time[1], region.delay
+    # Where the step is known and the delay is not, they are one side: the phase is of their sum.
     if region.sample_time[0] < step or low == high or not extra:
         pieces = max(1, int(np.ceil(2 * extra)))
         for piece in range(pieces):
@@ -231,12 +229,10 @@ def prove(
 def prove_all(
     region: Region, asked: Sequence[tuple[Setting, Sequence[Claim]]], most_cells: int
 ) -> list[Proof]:
-    """One proof for each of some settings of the same filters, none of them nothing.
-
-    Settings that play the same effects are examined in one run, as what takes time is how often
-    cells are examined, not how many; where that run leaves a doubt, each of them has its own.
-    """
+    """One proof for each of some settings of the same filters, none of them nothing."""
     found: dict[int, Proof] = {}
+    # Settings that play the same effects are examined in one run, as what takes time is how often
+    # cells are examined, not how many; where that run leaves a doubt, each of them has its own.
     for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
         together = [asked[number] for number in numbers]
         proofs = _proved_at_once(region, together, most_cells) if len(together) > 1 else None
@@ -249,12 +245,10 @@ def prove_all(
 def _proved_at_once(
     region: Region, asked: Sequence[tuple[Setting, Sequence[Claim]]], most_cells: int
 ) -> list[Proof] | None:
-    """Proofs of settings that play the same effects, from one run; None if it leaves a doubt.
-
-    A further side of each cell, without a width, is the number of its setting.
-    """
+    """Proofs of settings that play the same effects, from one run; None if it leaves a doubt."""
     region = region.merged()
     parts = [initial_cells(region, claims) for _, claims in asked]
+    # A further side of each cell, without a width, is the number of its setting.
     number = np.repeat(np.arange(len(asked), dtype=np.float64), [len(part) for part in parts])
     sizes = np.array([setting.sizes for setting, _ in asked]).T
     seen = np.zeros(len(asked), dtype=np.intp)
@@ -284,10 +278,7 @@ def _exclusion_test(
     *,
     or_nothing: bool = False,
 ) -> tuple[NDArray[np.bool_], FloatArray]:
-    """(no crossing in the cell, how much each side moves the loop).
-
-    D + s·N is straight in what is played: what lies between corners is in their convex hull.
-    """
+    """(no crossing in the cell, how much each side moves the loop)."""
     moving = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
     symbols = [row for row in moving if row != 1]
     terms = terms_of(cells, symbols)
@@ -297,6 +288,7 @@ def _exclusion_test(
         plant = sampled_plant(theta, mechanism)
         found = [value_set(theta, mechanism, *corner, plant) for corner in corners]
         forms = [form for each in found for form in gain_vertices(each, low, high)]
+        # D + s·N is straight in what is played: what lies between corners is in their convex hull.
         excluded = excludes_zero(*forms, *((found[0].start,) if or_nothing else ()))
         rising = [each.rising for each in found if each.rising is not None]
         if len(rising) == len(found) and region.damping[0] >= 0:
@@ -366,16 +358,14 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
 def _by_reactance(
     region: Region, terms: list[Term]
 ) -> tuple[tuple[Term, Term, Term] | None, list[Term]]:
-    """(mass, that of the grip and its stiffness at aliases; terms with both of `reactive`).
-
-    Aliases have another frequency: there both are whatever has the same reactance at some
-    frequency of the cell.
-    """
+    """(mass, that of the grip and its stiffness at aliases; terms with both of `reactive`)."""
     both = region.reactive()
     if both is None:
         return None, terms
     inertia, spring = (3 + place for place in both)
     (light, heavy), (soft, stiff) = (region.sides()[place] for place in both)
+    # Aliases have another frequency: there both are whatever has the same reactance at some
+    # frequency of the cell.
     theta, way, terms = terms[0], terms[inertia], list(terms)
     assert isinstance(theta, AffineForm)
     start, end = ends_of(way)

@@ -594,13 +594,11 @@ class ClosedLoop:
 
 
 def closed_loop(loop: Loop, effects: Effects) -> ClosedLoop:
-    """A loop of shape () with single values of effects.
-
-    Where nothing holds the position the pole of free motion, w = 0, is divided out of D and N.
-    """
+    """A loop of shape () with single values of effects."""
     closed, _ = loop.polynomial(effects)
     nothing_free = loop.terms._replace(free=np.zeros_like(closed))
     added = _combine(nothing_free, loop.dimensionless_effects(effects))
+    # Where nothing holds the position the pole of free motion, w = 0, is divided out of D and N.
     drop = loop.lowest_power(effects)
     return ClosedLoop(
         open=loop.terms.free[drop:],

@@ -355,32 +355,25 @@ LONGEST_DELAY = 22
 
 
 class HoldEquivalent(NamedTuple):
-    """Position at the encoder from held force, over T²/m, in w.
-
-    The numerator holds 1-w to the power ``early``, the denominator 1+w to the power ``late``; what
-    is left of position is the sum of the blocks, (numerator, denominator).
-    """
+    """Position at the encoder from held force, over T²/m, in w."""
 
     numerator: Polynomial
     denominator: Polynomial
-    early: int
-    late: int
+    early: int  # power of 1-w in the numerator
+    late: int  # power of 1+w in the denominator
+    # (numerator, denominator) of each; what is left of position is their sum
     blocks: tuple[tuple[Polynomial, Polynomial], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampledPlant:
-    """Position from force of devices, which any filters may be put around.
-
-    δ = bT/m, mass and sample time have the shape that all that was given broadcasts to. Grounded
-    is a position that is bound, by a spring of the hand or by the device's own force.
-    """
+    """Position from force of devices, which any filters may be put around."""
 
     plant: HoldEquivalent
-    delta: FloatArray
-    mass: FloatArray
-    sample_time: FloatArray
-    grounded: bool
+    delta: FloatArray  # bT/m; of the shape that all that was given broadcasts to
+    mass: FloatArray  # likewise
+    sample_time: FloatArray  # likewise
+    grounded: bool  # a position that is bound, by a spring of the hand or the device's own force
 
     @classmethod
     def of(cls, device: Device, hand: Hand | None, extra_delay_samples: float) -> SampledPlant:
@@ -527,13 +520,11 @@ def _blurred(polynomial: Polynomial, blur: FloatArray) -> Polynomial:
 def _behind_lag(
     factor: Quadratic, share: Polynomial, lag: FloatArray
 ) -> tuple[Polynomial, Polynomial]:
-    """(r0 + r1·s)/(s²+as+b)/(1+τs) as a fraction over each; the second is a constant.
-
-    With n = 1 - aτ + bτ²: r0' = (r0(1 - aτ) + r1·bτ)/n, r1' = (r1 - r0·τ)/n, and over 1+τs
-    (r0·τ² - r1·τ)/n.
-    """
+    """(r0 + r1·s)/(s²+as+b)/(1+τs) as a fraction over each; the second is a constant."""
     (r0, r1), (s0, s1) = share.value, share.size
     a, b, _ = factor
+    # With n = 1 - aτ + bτ²: r0' = (r0(1 - aτ) + r1·bτ)/n, r1' = (r1 - r0·τ)/n, and over 1+τs (r0·τ²
+    # - r1·τ)/n.
     common = 1 - a * lag + b * lag * lag
     sizes = 1 + np.abs(a) * lag + np.abs(b) * lag * lag
     blur = sizes / np.abs(common)

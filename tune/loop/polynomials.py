@@ -159,28 +159,24 @@ _SWEEPS = 8
 
 
 class Quadratic(NamedTuple):
-    """s² + a·s + b, arrays of one shape.
-
-    ``blur`` is 1 and by how many units of roundoff of its terms the product of all factors misses
-    the polynomial; sizes of whatever is made of the factors grow by it.
-    """
+    """s² + a·s + b, arrays of one shape."""
 
     a: FloatArray
     b: FloatArray
+    # 1 and by how many units of roundoff of its terms the product of all factors misses the
+    # polynomial; sizes of whatever is made of the factors grow by it
     blur: FloatArray
 
 
 def split_into_quadratics(polynomial: Polynomial) -> tuple[Quadratic, ...]:
-    """Quadratic factors of a monic polynomial of even degree.
-
-    A constant, or a constant and a slope, that are exactly zero are roots at zero, which the first
-    factor takes.
-    """
+    """Quadratic factors of a monic polynomial of even degree."""
     shape = polynomial.value.shape[1:]
     value = polynomial.value.reshape(len(polynomial.value), -1)
     size = polynomial.size.reshape(value.shape)
     pairs = len(value) // 2
     b, a = np.empty((2, pairs, value.shape[1]))
+    # A constant, or a constant and a slope, that are exactly zero are roots at zero, which the
+    # first factor takes.
     zeros = np.where(value[0] != 0, 0, np.where(value[1] != 0, 1, 2))
     with np.errstate(all="ignore"):
         for count in set(zeros.tolist()):
@@ -227,10 +223,8 @@ def split_fractions(
 
 
 def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """Products of matrices, (columns, i, j), with columns, (j, columns).
-
-    Added one after another: the order of a sum depends on how many others there are.
-    """
+    """Products of matrices, (columns, i, j), with columns, (j, columns)."""
+    # Added one after another: the order of a sum depends on how many others there are.
     return np.add.accumulate(matrix * columns.T[:, None, :], axis=2)[:, :, -1].T
 
 

@@ -79,18 +79,15 @@ _NO_FRACTION = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corner:
-    """One way a device may be, SI units.
-
-    Position stiffness is the slope of its own force by position. Modes are (frequency in Hz,
-    damping ratio, participation at motor and encoder) of each.
-    """
+    """One way a device may be, SI units."""
 
     mass: float
     damping: float
     sample_time: float
     delay: float
-    position_stiffness: float = 0.0
+    position_stiffness: float = 0.0  # slope of its own force by position
     current_lag: float = 0.0
+    # (frequency in Hz, damping ratio, participation at motor and encoder) of each
     modes: tuple[tuple[float, float, float], ...] = ()
 
 
@@ -172,15 +169,13 @@ class Mechanism:
         return cls(motion=motion, drive=drive, read=read, speed=count)
 
     def held(self, time: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-        """(Φ, Γ) of x(t) = Φ·x(0) + Γ·F under a constant force, for times of any shape, s.
-
-        The exponential of a matrix, by scaling and squaring.
-        """
+        """(Φ, Γ) of x(t) = Φ·x(0) + Γ·F under a constant force, for times of any shape, s."""
         size = len(self.drive)
         matrix = np.zeros((size + 1, size + 1))
         matrix[:size, :size] = self.motion
         matrix[:size, size] = self.drive
         matrix = matrix * np.asarray(time)[..., None, None]
+        # The exponential of a matrix, by scaling and squaring.
         norm = float(np.abs(matrix).sum(axis=-1).max(initial=0.5))
         halvings = max(0, int(np.ceil(np.log2(2 * norm))))
         scaled = matrix / 2.0**halvings

@@ -145,11 +145,7 @@ def optimise(
 
 
 def _certified(best: Proved, scene: Scene, say: Progress) -> SafeProfile:
-    """The profile of the largest effects with some filters, of a little less where a proof fails.
-
-    What is alike an element that was tuned plays the same. Raises CheckFailedError where less does
-    not help.
-    """
+    """The profile of the largest effects with some filters, of a little less where proofs fail."""
     # What vibrates freely needs few cells or far too many.
     free = scene.hand == "none" and best.task.device.modes
     cells = _CELLS // 12 if free else _CELLS
@@ -166,6 +162,7 @@ def _certified(best: Proved, scene: Scene, say: Progress) -> SafeProfile:
             task, solutions = solve_groups(warned, best.filters, say)
             best = replace(best, task=task, solutions=solutions)
             continue
+        # What is alike an element that was tuned plays the same.
         if len(scene.elements) > len(best.task.scene.elements):
             from tune.optimisation.alike import with_all_alike
 
@@ -180,11 +177,7 @@ def _silent(sentence: str) -> None:
 
 
 def _proposed(best: Proved, say: Progress) -> tuple[Proved, Design, dict[str, AbsoluteStability]]:
-    """The largest effects of every group as a design, and what proves its clamps, as stored.
-
-    What no fade keeps from being pumped is left out, and the rest tuned once more, with filters of
-    its own.
-    """
+    """The largest effects of every group as a design, and what proves its clamps, as stored."""
     best = replace(best, solutions=with_room_regained(best.solutions))
     task, solutions = best.task, best.solutions
     dropped = with_what_is_felt(task, best.filters, solutions)
@@ -194,6 +187,7 @@ def _proposed(best: Proved, say: Progress) -> tuple[Proved, Design, dict[str, Ab
     try:
         design = with_fades(design, task.scene)
     except NoFadeError as error:
+        # It is left out, and the rest tuned once more, with filters of its own.
         say(f"{error} could be pumped however slowly it fades")
         less = _without_fade(best, design, str(error))
         return _proposed(best_proved(less, choose_filters(less, say), {}, say), say)
@@ -220,10 +214,7 @@ def _without_fade(best: Proved, design: Design, element: str) -> DesignTask:
 def _warned(
     task: DesignTask, error: CheckFailedError, witnesses: Mapping[str, AbsoluteStability]
 ) -> DesignTask | None:
-    """The task with the points at which its proposal was unstable; with more slack if none was.
-
-    None where neither is left to try: shorter taps are where some are long.
-    """
+    """The task with the points at which its proposal was unstable; with more slack if none was."""
     spots = tuple(
         PlantPoint(
             mass=point.mass,
@@ -240,6 +231,7 @@ def _warned(
     )
     spots = tuple(each for each in spots if each not in task.region.found)
     if not spots:
+        # Shorter taps are left to try where some are long.
         long = any(each.longest_tap > LONGER for each in witnesses.values())
         end = len(SLACK) if long else -1
         slack = next((more for more in SLACK[2 * error.spent : end] if more > task.slack), None)

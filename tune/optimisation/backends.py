@@ -372,19 +372,15 @@ class Ipopt:
 
 @dataclass(frozen=True, slots=True)
 class Slsqp:
-    """Sequential quadratic proposals, with the exact limits of stability.
+    """Sequential quadratic proposals, with the exact limits of stability."""
 
-    It keeps its own best point in case nlopt ends by rounding; a search ends at the tolerance of
-    the sum of logarithms of steps.
-    """
-
-    tolerance: float = 1e-13
+    tolerance: float = 1e-13  # of the sum of logarithms of steps, at which a search ends
     name: str = "slsqp"
 
     def propose(self, program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
         """Log-sizes from a start; None where it gave up."""
         program_at = Evaluation(program, rank)
-        best: list[tuple[float, FloatArray]] = []
+        best: list[tuple[float, FloatArray]] = []  # kept in case nlopt ends by rounding
 
         def objective(y: FloatArray, gradient: FloatArray) -> float:
             here = program_at.at(y)
@@ -419,12 +415,10 @@ Backend = Slsqp | Ipopt
 
 
 def least_violation(program: Program, rank: Rank, start: FloatArray) -> FloatArray | None:
-    """Log-sizes at which the most broken constraint is as little broken as can be found.
-
-    Minimises t subject to every constraint being at most t; t stops a little inside.
-    """
+    """Log-sizes at which the most broken constraint is as little broken as can be found."""
     program_at = Evaluation(program, rank)
 
+    # Minimises t, the last of z, with every constraint at most t; t stops a little inside.
     def objective(z: FloatArray, gradient: FloatArray) -> float:
         if gradient.size:
             gradient[:] = 0.0

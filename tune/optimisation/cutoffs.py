@@ -174,10 +174,7 @@ class _Search:
                 self.asked[group], self.wished[group] = frozenset(wishes), len(wishes)
 
     def best(self) -> Filters:
-        """The least filtering that is worth nearly as much as the best that is found.
-
-        A filter that no kept effect uses tells why there is none, or is found where few suit.
-        """
+        """The least filtering that is worth nearly as much as the best that is found."""
         free = self.free
         point = [axis.first[(len(axis.first) - 1) // 2] for axis in self.axes]
         if not free:
@@ -194,6 +191,7 @@ class _Search:
         if len(self.kinds) > 1:
             self._polish()
         best = self._least_good()
+        # A filter that no kept effect uses tells why there is none, or is found where few suit.
         for index in [each for each in free if not self._is_used(best, each)]:
             near = (_kind_of(best), *self._kinds_beside(best, index))
             nearest = [self._nearest(best, index, kind) for kind in near]
@@ -390,12 +388,10 @@ class _Search:
         return [*point[:index], self.axes[index].moved(point[index], way), *point[index + 1 :]]
 
     def _hills(self, line: Sequence[list[float]]) -> Iterator[Filters]:
-        """Filters of a line, the first without one, that are worth as much as those beside.
-
-        Every effect is kept with them. No filter is beside no other.
-        """
+        """Filters of a line, the first without one, that keep all, worth what those beside are."""
         objectives = [self._objective_of_all(each) for each in line]
         values = [-math.inf if objective is None else objective.value for objective in objectives]
+        # No filter is beside no other.
         before, after = [-math.inf, -math.inf, *values[1:]], [-math.inf, *values[2:], -math.inf]
         for point, value, *others in zip(line, values, before, after, strict=False):
             if math.isfinite(value) and value >= max(others):
@@ -456,10 +452,8 @@ class _Search:
         value([none if at >= top else at for at, (top, none) in zip(found, highest, strict=True)])
 
     def _polish(self) -> None:
-        """Move the best filters as long as some around them are worth more (compass search).
-
-        A ridge that bends ends a climb before its highest point.
-        """
+        """Move the best filters as long as some around them are worth more (compass search)."""
+        # A ridge that bends ends a climb before its highest point.
         most = max(self.tried, key=self.tried.__getitem__)
         best, here = self.tried[most], self._place(most)
         every = sum(best.kept) == sum(self.wished.values())

@@ -158,17 +158,15 @@ class _CombinationMargins(NamedTuple):
 def combination_margins(
     device: Device, felt: Sequence[SizedCombination], kept: Margin, slack: float
 ) -> dict[tuple[str, ...], _CombinationMargins]:
-    """Margins of combinations, by their elements.
-
-    A part of what is beyond the kept margin, the slack, is not claimed, where a proof came too
-    close to the edge, and at the last slack nothing of it.
-    """
+    """Margins of combinations, by their elements."""
     found: dict[tuple[str, ...], _CombinationMargins] = {}
     jitters: dict[str, float] = {}
     for one, most in zip(felt, _extra_delays(felt), strict=True):
         problem, elements = one.problem, one.combination.elements
         gain = min(worst_gain(problem, one.combination, one.sizes, late=False), _MARGIN_CAP)
         late = min(float(MOST_EXTRA_DELAY), most)
+        # A part of what is beyond the kept margin is not claimed where a proof came too close to
+        # the edge, and at the last slack nothing of it.
         if slack:
             last = slack >= SLACK[-2]
             less = 0.0 if last else float(np.floor(late * (1 - slack) * 10) / 10)
@@ -249,16 +247,14 @@ def _floored(size: float, digits: int = 6) -> float:
 
 
 def with_levels_and_contacts(design: Design, device: Device, box: Box) -> Design:
-    """The design with the force at which each spring is cut, and what entering each amounts to.
-
-    A cut round a sum of springs is not a clamp of one signal: each has a level of its own. Those
-    that may push at once share alike what the depths that are stated leave of the peak force.
-    """
+    """The design with the force at which each spring is cut, and what entering each amounts to."""
     deep = {
         name: element.stiffness * (element.motion.penetration or 0.0)
         for name, element in design.elements.items()
         if element.stiffness
     }
+    # A cut round a sum of springs is not a clamp of one signal: each has a level of its own. Those
+    # that may push at once share alike what the depths that are stated leave of the peak force.
     at_once = [deep.keys() & {*combination} for combination in design.combinations()]
     peak = LARGEST if device.force_limit is None else device.force_limit.peak
     filters = filters_of(design.loop)
@@ -356,14 +352,12 @@ def _times(gain: float, values: Values) -> Values:
 
 @lru_cache(maxsize=1024)
 def _found(places: tuple[Corner, ...], filters: Filters, beside: Values, fading: Values) -> float:
-    """Fade time of an element beside a combination, kept because it is asked for more than once.
-
-    A spring that fades in from nothing swings so slowly at low levels that only what the device
-    loses bounds it there: where that is too little, it is taken to go all the way in and out.
-    """
+    """Fade time of an element beside a combination, kept because it is asked for more than once."""
     found = shortest_fade(places, filters, beside, fading)
     if np.isfinite(found) or not fading[0]:
         return found
+    # A spring that fades in from nothing swings so slowly at low levels that only what the device
+    # loses bounds it there: where that is too little, it is taken to go all the way in and out.
     return shortest_fade(places, filters, beside, fading, whole=True)
 
 
@@ -386,15 +380,13 @@ def _sum(elements: Sequence[ElementProfile]) -> Values:
 
 
 def why_pumped(scene: Scene, design: Design, unknown: Unknown, size: float) -> str:
-    """Why so much of an effect that fades is left out of a design, and what to ask for instead.
-
-    The half of it, or half of that, is told where no hand was found to pump it.
-    """
+    """Why so much of an effect that fades is left out of a design, and what to ask for instead."""
     name = unknown.element
     wishes = scene.elements[name].wishes()
     ways = ["give its spring an element of its own, felt together with it"]
     ways *= "stiffness" in wishes
     ways += ["ask for damping in the same element"] * ("damping" not in wishes)
+    # The half of it, or half of that, is told where no hand was found to pump it.
     sizes = (size / 2**count for count in range(1, _HALVINGS + 1))
     for less in (each for each in sizes if each >= unknown.low):
         changed = design.elements[name].model_copy(update={unknown.effect: unknown.sign * less})
@@ -554,15 +546,13 @@ def _felt_instead(
     effect: EffectName,
     played: Mapping[EffectName, float],
 ) -> str:
-    """What a hand would feel of what is wanted, or else of a step; "" where that is within a step.
-
-    What is played of the rest of its element is beside it.
-    """
+    """What a hand would feel of what is wanted, or else of a step; "" if that is within a step."""
     device, scene, table = task.device, task.scene, task.table
     if name in scene.walls:
         return ""
     motion, wishes = scene.motion(name, device.motion), scene.elements[name].wishes()
     scales = {each: Scale.of(each, device, table, motion) for each in EFFECT_NAMES}
+    # What is played of the rest of its element is beside it.
     sizes: dict[EffectName, float] = dict.fromkeys(EFFECT_NAMES, 0.0) | dict(played)
     wish = wishes[effect]
     asked = wish.low if wish.kind in {"value", "range"} else None

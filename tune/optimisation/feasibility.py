@@ -69,10 +69,7 @@ def worst_gain(
 def least_margin_loops(
     problem: Problem, sizes: FloatArray, *, broken: bool = False
 ) -> Iterator[tuple[int, int]]:
-    """(loop of ``problem.loops.late``, column) of the least margin of each combination and loop.
-
-    With ``broken`` only where the margin is not kept.
-    """
+    """(loop of ``late``, column) of least margin, of each combination and loop, all or broken."""
     found: set[tuple[int, int]] = set()
     for effects in _felt(problem, sizes[None]):
         for place, loop in enumerate(problem.loops.late):
@@ -149,13 +146,11 @@ def _keeps_linear_limits(problem: Problem, sizes: FloatArray) -> BoolArray:
 
 
 def _largest_quiet_size(problem: Problem, index: int, top: float) -> float:
-    """Size of one unknown, felt alone, up to which the ripple keeps to its limit; inf to the top.
-
-    Up to where it is stable at all where that is less than ``top``: so far it is found only once.
-    """
+    """Size of one unknown, felt alone, up to which ripple keeps to its limit; inf to the top."""
     limits, unknown = problem.limits, problem.unknowns[index]
     if limits.encoder_resolution is None:
         return np.inf
+    # Up to where it is stable at all where that is less: so far it is found only once.
     end = problem.loops.end_alone(unknown.effect, unknown.sign, late=True) / problem.margin.gain
     return problem.loops.quiet_alone(
         unknown.effect,
@@ -183,15 +178,13 @@ def stable_points(
 
 
 def _felt(problem: Problem, points: FloatArray, *, meetings: bool = True) -> Iterator[Effects]:
-    """Effects of shape (points, combinations, 1): of those with a spring, of those without.
-
-    Within each, an effect that one combination lacks is zero in it, which is the same for all but a
-    spring.
-    """
+    """Effects of shape (points, combinations, 1): of those with a spring, of those without."""
     for sprung in (True, False):
         shares = problem.shares(sprung=sprung, meetings=meetings)
         if not len(shares) or not len(points):
             continue
+        # An effect that one combination lacks is zero in it, which is the same for all but a
+        # spring.
         stiffness, damping, mass = (
             (points @ part.T)[..., None] if part.any() else None for part in shares.swapaxes(0, 1)
         )
@@ -366,18 +359,16 @@ def _halved(
 
 
 def initial_points_of(problem: Problem, count: int = _STARTS) -> list[FloatArray]:
-    """Allowed settings a little inside, the best by the ranks of its unknowns first; or none.
-
-    What is allowed is not convex; from nothing a solver may end on the wrong hill. So they are the
-    best of some rays: on each the perceived steps of the unknowns keep a proportion, from one step
-    to what each may be by itself.
-    """
+    """Allowed settings a little inside, the best by the ranks of its unknowns first; or none."""
     unknowns, low = problem.unknowns, problem.low
     nothing = np.zeros(len(unknowns))
     most = [min(u.high, _linear_bound(problem, nothing, i)) for i, u in enumerate(unknowns)]
     least = np.array([u.steps(u.low) for u in unknowns])
     caps = np.maximum([u.steps(max(m, u.low)) for u, m in zip(unknowns, most, strict=True)], least)
     levels = np.asarray(np.geomspace(_LOWEST, float(caps.max()), _LEVELS), dtype=np.float64)
+    # What is allowed is not convex; from nothing a solver may end on the wrong hill. So they are
+    # the best of some rays: on each the perceived steps of the unknowns keep a proportion, from one
+    # step to what each may be by itself.
     rays = _rays(len(unknowns))
     steps = np.clip(rays[:, None] * levels[:, None], least, caps).reshape(-1, len(unknowns))
     between = problem.linear.lead_points(problem.low, problem.high)
@@ -497,10 +488,7 @@ def bindings(
 def _bounds(
     problem: Problem, sizes: FloatArray, tops: dict[int, float]
 ) -> dict[int, dict[LimitedBy, float]]:
-    """The tightest limits of each unknown, by its index, as far as they lie below the given tops.
-
-    Sizes by word; none where nothing limits it up to the top.
-    """
+    """The tightest limits of each unknown, by its index and their word, that lie below its top."""
     gain = problem.margin.gain
     linear = {index: problem.linear.bounds(sizes, index) for index in tops}
     most = {i: min(top, problem.unknowns[i].high, *linear[i].values()) for i, top in tops.items()}

@@ -196,10 +196,8 @@ class Proportion:
 
 
 def _telling(rows: FloatArray, units: FloatArray) -> NDArray[np.intp]:
-    """Rows that are the largest in one of some directions of the sizes, whose units these are.
-
-    As many for all filters, so some may be there twice.
-    """
+    """Rows that are the largest in one of some directions of the sizes, whose units these are."""
+    # As many for all filters, so some may be there twice.
     there = np.flatnonzero(units)
     return np.argmax(rows[:, there] @ (_ratios(there.size) * units[there]).T, axis=0)
 
@@ -267,14 +265,12 @@ def renderings(
 
 
 def _proportions(given: FloatArray, mass: int, units: FloatArray) -> Iterator[Proportion]:
-    """Rows that keep the mass felt between parts and multiples of the mass commanded.
-
-    What they leave beside a mass is within what they keep to be of the least mass.
-    """
+    """Rows that keep the mass felt between parts and multiples of the mass commanded."""
     for inside, low, high in ((IN_MOTION, 1 / _ALIKE, _ALIKE), (~IN_MOTION, 0.0, 2.0)):
         for sign, part in ((1, high), (-1, -low)):
             rows = sign * given[inside]
             rows[:, mass] -= part - _KEPT
+            # What they leave beside a mass is within what they keep to be of the least mass.
             rows /= _KEPT / 2 * units[mass]
             yield Proportion(rows=rows, telling=_telling(rows, units), mass=mass)
 
@@ -322,13 +318,10 @@ class LinearLimits:
         felt: Iterable[Rendering | Proportion] = (),
         leads: Iterable[tuple[int, int, float, float]] = (),
     ) -> LinearLimits:
-        """The limits of rows of forces, of what is felt and of leads.
-
-        A row of forces without a positive coefficient never binds. Those of what is felt are as
-        many for all filters.
-        """
+        """The limits of rows of forces, of what is felt, as many for all filters, and of leads."""
         limits = list(felt)
         bent = tuple(one for one in limits if isinstance(one, Rendering) and one.bent)
+        # A row of forces without a positive coefficient never binds.
         bounding = [row for row in forces if np.any(row > 0)]
         rows = [np.array(bounding).reshape(len(bounding), unknowns)]
         masses, shown = [np.full(len(bounding), -1)], [np.arange(len(bounding))]
@@ -488,11 +481,9 @@ def _margin(
 
 
 def _powers(omega: FloatArray, count: int) -> ComplexArray:
-    """Powers of jω from 0 on, (count, loops); beyond ω = 1 all over the highest of them.
-
-    No angle between them notices.
-    """
+    """Powers of jω from 0 on, (count, loops); beyond ω = 1 all over the highest of them."""
     exponents = np.arange(count)[:, None]
+    # No angle between them notices.
     small = np.where(omega > 1, 1.0, omega) ** exponents
     large = np.where(omega > 1, 1 / omega, 1.0) ** (count - 1 - exponents)
     return small * large * 1j ** (exponents % 4)

@@ -356,12 +356,10 @@ def _largest_first(unknowns: Sequence[Unknown]) -> Iterator[frozenset[str]]:
 
 
 def feasible_sizes(problem: Problem) -> FloatArray | None:
-    """Some setting that every limit allows, each effect at its least or above, if one is found.
-
-    On rays first, then where the most broken limit is the least broken.
-    """
+    """Some setting that every limit allows, each effect at its least or above, if one is found."""
     if len(problem.unknowns) == 1:
         return single_unknown_optimum(problem).sizes
+    # On rays first, then where the most broken limit is the least broken.
     found = initial_points_of(problem, 1)
     return found[0] if found else _least_broken(problem)
 

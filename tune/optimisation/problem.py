@@ -161,10 +161,7 @@ _FOR_WALLS, _TOGETHER = 0.8, (0.6, 0.4, 0.2)
 
 @dataclass(frozen=True, kw_only=True)
 class DesignTask:
-    """What is to be tuned: a scene on a device, with what is perceptible and where it must hold.
-
-    Loops and combinations are built when first asked for and kept.
-    """
+    """What is to be tuned: a scene on a device, with what is perceptible and where it must hold."""
 
     device: Device
     scene: Scene
@@ -179,6 +176,7 @@ class DesignTask:
     left_out: tuple[tuple[str, str], ...] = ()
     # of their steps that elements are given, for a wall that is met beside them
     parts: Mapping[str, float] = field(default_factory=dict[str, float])
+    # Loops and combinations are built when first asked for and kept.
     _loops: dict[Filters, Loops] = field(
         default_factory=dict[Filters, Loops], init=False, repr=False, compare=False
     )
@@ -549,12 +547,10 @@ class CutoffAxis:
 
     @classmethod
     def of(cls, cutoff: Cutoff, nyquist: float) -> CutoffAxis:
-        """The choices of a cut-off as a scene states it, up to the Nyquist frequency, Hz.
-
-        A filter must pass the motions people make.
-        """
+        """The choices of a cut-off as a scene states it, up to the Nyquist frequency, Hz."""
         if cutoff != "free" or nyquist <= FASTEST:
             return cls(first=(0.0,), fixed=cutoff if isinstance(cutoff, float) else None)
+        # A filter must pass the motions people make.
         low, high = math.log(FASTEST), math.log(nyquist)
         count = math.ceil((high - low) / math.log(COARSE))
         return cls(first=tuple(low + (high - low) * k / count for k in range(count + 2)))

@@ -108,11 +108,7 @@ def _with_less_lag(task: DesignTask, filters: Filters, times: int) -> Filters:
 def solve_groups(
     task: DesignTask, filters: Filters, say: Progress
 ) -> tuple[DesignTask, list[Solution]]:
-    """The largest effects of every group.
-
-    A wall and an element that are not proved together are told apart in the task that is returned,
-    where the element cannot leave room for the wall.
-    """
+    """The task, with the pairs told apart that need it, and the largest effects of every group."""
     found: dict[tuple[str, ...], Solution] = {}
     usual = order = groups(task.scene)
     while len(found) < len(order):
@@ -125,6 +121,8 @@ def solve_groups(
             if less is not None:
                 task, found, order = less, {}, usual
             continue
+        # A wall and an element that are not proved together are told apart where the element cannot
+        # leave room for the wall.
         wall, other = solved.clash
         before, task = task, task.with_room_for(wall, other) or task.without(solved.clash)
         if before.parts != task.parts:  # tuned anew from the first that has more room, or less

@@ -58,10 +58,7 @@ class DelayedLoops:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
-    """Box of the device, box of the hand, and points found later.
-
-    Plants are sampled when first asked for and kept, whatever the filters around them.
-    """
+    """Box of the device, box of the hand, and points found later."""
 
     box: Box
     modes: tuple[Mode, ...] = ()
@@ -70,6 +67,7 @@ class Region:
     presliding: tuple[float, float] | None = None
     hand: Hand | None = None  # grips; the device alone is in the region in any case
     found: tuple[PlantPoint, ...] = ()  # points between the corners that were worse than they
+    # Plants are sampled when first asked for and kept, whatever the filters around them.
     _plants: dict[tuple[float, float], tuple[SampledPlant, ...]] = field(
         default_factory=dict[tuple[float, float], tuple[SampledPlant, ...]],
         init=False,
@@ -170,10 +168,8 @@ class Region:
         )
 
     def _corners(self, step: float, delay: float) -> Iterator[PlantPoint]:
-        """Every corner at one sample time and delay, and the devices that were worse than they.
-
-        Modes shift and are damped all together.
-        """
+        """Every corner at one sample time and delay, and the devices that were worse than they."""
+        # Modes shift and are damped all together.
         ways = ((),)
         if self.modes:
             ends = [(_pair(m.frequency_hz), _pair(m.damping_ratio)) for m in self.modes]

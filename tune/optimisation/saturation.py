@@ -53,12 +53,10 @@ _NOTHING = 1e-9
 def _find_multiplier(
     responses: Responses, parts: Nonlinearities, gain: float, ladder: list[int], seen_of: int
 ) -> Multiplier | None:
-    """The multiplier with the most room at a gain, as far as a grid tells; None without one.
-
-    Its taps are of a ladder; one in so many points of the grid are seen at first.
-    """
+    """The multiplier with the most room at a gain, as far as a grid tells; None without one."""
     condition = _Condition.of(responses, parts, gain, ladder)
     slopes = _slopes(responses, parts, condition)
+    # One in so many points of the grid are seen at first.
     seen = np.arange(0, condition.factors.shape[1], seen_of, dtype=np.intp)
     weights: FloatArray | None = np.empty(0)
     for _ in range(_ROUNDS):
@@ -170,10 +168,7 @@ def _slopes(responses: Responses, parts: Nonlinearities, condition: _Condition) 
 
 
 def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
-    """Weights that sum to one with which the least eigenvalue of a table is largest, if above 0.
-
-    They make every row of slopes zero.
-    """
+    """Weights that sum to one with which the least eigenvalue of a table is largest, if above 0."""
     import clarabel
 
     count, points, *_ = table.shape
@@ -181,6 +176,7 @@ def _program(table: ComplexArray, slopes: FloatArray) -> FloatArray | None:
     equal, first = 1 + len(slopes), 1 + len(slopes) + count
     program = np.zeros((first + rows.shape[1], count + 1))
     program[0, :count] = 1
+    # They make every row of slopes zero.
     program[1:equal, :count] = slopes
     program[equal:first, :count] = -np.eye(count)
     program[first:, :count] = -rows.T
@@ -235,11 +231,9 @@ def _cone_rows(table: ComplexArray) -> tuple[clarabel.Cone | None, FloatArray, F
 
 @cache
 def _load_lapack() -> None:
-    """Load the two modules in which the solver finds LAPACK, without the package around them.
-
-    All of scipy.linalg takes six times longer to import; where they are not found, the solver
-    imports it.
-    """
+    """Load the two modules in which the solver finds LAPACK, without the package around them."""
+    # All of scipy.linalg takes six times longer to import; where they are not found, the solver
+    # imports it.
     package = find_spec("scipy")
     for name in ("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack"):
         places = package and package.submodule_search_locations
@@ -252,13 +246,10 @@ def _load_lapack() -> None:
 def _multiplier(
     weights: FloatArray, owners: list[tuple[int, int]], parts: Nonlinearities, *, grounded: bool
 ) -> Multiplier | None:
-    """Weights as channels: rows were in units of each channel's own size.
-
-    Over the slope of the first clamp where nothing holds the position, else over the largest; None
-    where that is nothing.
-    """
+    """Weights as channels: rows were in units of each channel's own size."""
     scaled = np.array([w * parts.sizes[i] for (i, _), w in zip(owners, weights, strict=True)])
     slope = sum(w * tap for (i, tap), w in zip(owners, scaled, strict=True) if i == 0)
+    # Over the slope of the first clamp where nothing holds the position, else over the largest.
     unit = float(scaled.max()) if grounded else float(slope)
     if not unit > 0:
         return None
@@ -427,11 +418,9 @@ def _least_gain(
 def _with_few_taps(
     responses: Responses, parts: Nonlinearities, multiplier: Multiplier, gain: float, least: float
 ) -> tuple[Multiplier, float]:
-    """The multiplier without the taps that hardly change its gain, and the gain it has then.
-
-    Each clamp keeps some of a tap of one sample, without which M may vanish at some frequency, as
-    taps of 3 and 6 samples do at θ = 2π/3: a proof would then have nothing to show.
-    """
+    """The multiplier without the taps that hardly change its gain, and the gain it has then."""
+    # Each clamp keeps some of a tap of one sample, without which M may vanish at some frequency, as
+    # taps of 3 and 6 samples do at θ = 2π/3: a proof would then have nothing to show.
     for part, first in product(_FAINT, _FIRST_TAP):
         channels = tuple(_thinned(channel, part, first) for channel in multiplier.channels)
         fewer = Multiplier(channels=channels)
@@ -443,10 +432,7 @@ def _with_few_taps(
 
 
 def _thinned(channel: Channel, part: float, first: float) -> Channel:
-    """Taps of at least a part of the largest, and of one sample at least a part of the slope.
-
-    Weights are rounded: their last digits differ between processors.
-    """
+    """Taps of at least a part of the largest, and of one sample at least a part of the slope."""
     constant = round_to_digits(channel.constant, _DIGITS)
     if not channel.taps:
         return channel.model_copy(update={"constant": constant})
@@ -458,6 +444,7 @@ def _thinned(channel: Channel, part: float, first: float) -> Channel:
         for tap in channel.taps
         if tap.weight >= part * most
     }
+    # Weights are rounded: their last digits differ between processors.
     taps = (Tap(samples=n, weight=round_to_digits(w, _DIGITS)) for n, w in weights.items())
     return channel.model_copy(update={"taps": tuple(taps), "constant": constant})
 

@@ -55,11 +55,7 @@ _ROUGHLY = 1e-6
 
 
 def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
-    """Elements connected through ``together``, in the order in which they are tuned.
-
-    Each group is one problem beside those before it: walls are met everywhere and come after the
-    others of their priority.
-    """
+    """Elements connected through ``together``, in the order in which they are tuned."""
     found: list[frozenset[str]] = [frozenset({name}) for name in scene.elements]
     for group in scene.together:
         for together in (scene.walls.intersection(group), frozenset(group) - scene.walls):
@@ -67,6 +63,8 @@ def groups(scene: Scene) -> tuple[tuple[str, ...], ...]:
             found = [each for each in found if not each & together] + [joined] * bool(joined)
     order = list(scene.elements)
 
+    # Each group is one problem beside those before it: walls are met everywhere and come after the
+    # others of their priority.
     def place(group: tuple[str, ...]) -> tuple[int, bool, int]:
         return *rank_of(scene, group), order.index(group[0])
 

@@ -108,13 +108,11 @@ def _running(coefficients: FloatArray, errors: FloatArray) -> VerdictArray:
 
 
 def _vertices_stable(coefficients: FloatArray, errors: FloatArray) -> NDArray[np.bool_]:
-    """True where every polynomial within the errors is stable; (degree+1, points).
-
-    Kharitonov (1978): a box of coefficients is stable if four of its vertices are. Routh's array
-    in floating point, while all its entries are positive, is the exact one of coefficients that
-    differ by two units of roundoff for each row at most, because they are sums of products of its
-    entries without a subtraction. The box is widened by that.
-    """
+    """True where every polynomial within the errors is stable; (degree+1, points)."""
+    # Kharitonov (1978): a box of coefficients is stable if four of its vertices are. Routh's array
+    # in floating point, while all its entries are positive, is the exact one of coefficients that
+    # differ by two units of roundoff for each row at most, because they are sums of products of its
+    # entries without a subtraction. The box is widened by that.
     degree = len(coefficients) - 1
     errors = errors + 4 * degree * UNIT * (np.abs(coefficients) + errors)
     stable = np.ones(coefficients.shape[1], dtype=np.bool_)
@@ -138,11 +136,7 @@ def _all_positive(coefficients: FloatArray) -> NDArray[np.bool_]:
 
 
 def _root_beyond(coefficients: FloatArray, errors: FloatArray) -> NDArray[np.bool_]:
-    """True where every polynomial within the errors has a root in Re w > 0; (degree+1, points).
-
-    By Rouché's theorem a disc of radius ρ around a point holds exactly one root if |p'|·ρ exceeds
-    |p| and all higher terms of the expansion there, errors included.
-    """
+    """True where every polynomial within the errors has a root in Re w > 0; (degree+1, points)."""
     degree = len(coefficients) - 1
     roots = _roots(coefficients)
     slack = errors + 4 * degree * UNIT * np.abs(coefficients)
@@ -154,6 +148,8 @@ def _root_beyond(coefficients: FloatArray, errors: FloatArray) -> NDArray[np.boo
         terms = [np.abs(term) for term in _expanded(coefficients, roots)]
         blur = [np.abs(term) for term in _expanded(slack, np.abs(roots).astype(np.complex128))]
         (constant, slope, *higher), (constant_slack, slope_slack, *higher_slack) = terms, blur
+        # By Rouché's theorem a disc of radius ρ around a point holds exactly one root if |p'|·ρ
+        # exceeds |p| and all higher terms of the expansion there, errors included.
         radius = _WIDER * (constant + constant_slack) / (slope - slope_slack)
         rest = constant + constant_slack
         for power, (term, more) in enumerate(zip(higher, higher_slack, strict=True), start=2):
@@ -273,11 +269,9 @@ def _table(c: FloatArray, size: FloatArray) -> _Judged:
 
 
 def _quartic(c: FloatArray, size: FloatArray, position_free: bool) -> _Judged:  # noqa: FBT001
-    """Degree four: c_i > 0 and c1·c2·c3 - c0·c3² - c4·c1² > 0.
-
-    This is the criterion of equations (38) to (43) with the signs they leave out. Where no spring
-    holds the position the factor w is left in, and c0 is not asked for.
-    """
+    """Degree four: c_i > 0 and c1·c2·c3 - c0·c3² - c4·c1² > 0."""
+    # This is the criterion of equations (38) to (43) with the signs they leave out. Where no spring
+    # holds the position the factor w is left in, and c0 is not asked for.
     s0, s1, s2, s3, s4 = size
     slack = ULPS * UNIT * float(size.max())
     h_slack = 4 * ULPS * UNIT * float(s1 * s2 * s3 + s0 * s3 * s3 + s4 * s1 * s1)

@@ -178,13 +178,10 @@ _ZOOMS, _PEAKS, _ZOOM_POINTS = 4, 6, 9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nonlinearities:
-    """What of a sum of elements is not linear.
+    """What of a sum of elements is not linear."""
 
-    Clamps are names and effects of the elements with a spring; ``damping`` is that of all that is
-    damping only and switched at any moment, N·s/m (N·m·s/rad), 0 for none.
-    """
-
-    clamps: tuple[tuple[str, Effects], ...]
+    clamps: tuple[tuple[str, Effects], ...]  # names and effects of the elements with a spring
+    # of all that is damping only and switched at any moment, N·s/m (N·m·s/rad), 0 for none
     damping: float = 0.0
 
     @property
@@ -509,11 +506,9 @@ class _FadedLoop:
 
 
 def _without_place(still: FloatArray, more: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Transitions of what is left where nothing binds the place, told relative to the place.
-
-    The pole of the place is one. Beside next to no damping that of the speed is too, and rounding
-    would make growth of such a pair.
-    """
+    """Transitions of what is left where nothing binds the place, told relative to the place."""
+    # The pole of the place is one. Beside next to no damping that of the speed is too, and rounding
+    # would make growth of such a pair.
     elsewhere = np.linalg.svd(still - np.eye(len(still)))[2][-1]
     place = int(np.argmax(np.abs(elsewhere)))
     rest = np.delete(np.arange(len(still)), place)
@@ -530,11 +525,7 @@ def _turn(matrix: FloatArray) -> float:
 
 
 def _waits(turns: tuple[float, float], fades: float) -> list[tuple[Spans, Spans]]:
-    """Pairs of waits in samples at a low and a high level, the longest half a swing at each.
-
-    Evenly, and close to those with which a period turns the swing by whole half turns, of so many
-    radians a sample at either level and over both ways: where little is lost few periods pump.
-    """
+    """Pairs of waits in samples at a low and a high level, the longest half a swing at each."""
     evenly = [
         np.unique(np.linspace(0, np.pi / turn if turn else 0, _WAITS).astype(np.int64))
         for turn in turns
@@ -542,6 +533,8 @@ def _waits(turns: tuple[float, float], fades: float) -> list[tuple[Spans, Spans]
     first, last = (each.ravel() for each in np.meshgrid(*evenly, indexing="ij"))
     if not turns[1]:
         return [(first, last)]
+    # Close to those with which a period turns the swing by whole half turns, of so many radians a
+    # sample at either level and over both ways: where little is lost few periods pump.
     left = (-evenly[0] * turns[0] - fades) % np.pi
     near = (left[:, None] + _NEAR) / turns[1]
     tuned = np.maximum(np.rint(near), 0).astype(np.int64).ravel()

@@ -372,13 +372,11 @@ def safe_gain(loop: Loop, effects: Effects) -> FloatArray:
 
 
 def safe_up_to(loop: Loop, effects: Effects, gain: float) -> NDArray[np.bool_]:
-    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time.
-
-    One verdict at the top, and crossings only roughly unless one is near.
-    """
+    """True where every gain in (0, gain] is certainly stable: `safe_gain` > gain, in less time."""
     given = _by_gain(loop, effects)
     fixed, varied, *sizes = (np.ascontiguousarray(p.reshape(len(p), -1)) for p in given)
     stable = _verdicts([fixed, varied], sizes, np.full((1, fixed.shape[1]), gain))[0] > 0
+    # One verdict at the top, and crossings only roughly unless one is near.
     open_ = np.flatnonzero(stable)
     if open_.size:
         points = _candidates(fixed[:, open_], varied[:, open_], None, _ROUGH_POLISHES)

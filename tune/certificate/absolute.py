@@ -163,12 +163,10 @@ class _Determinant:
         return self.whole * squared_modulus(self.bottom) + loop - self.less
 
     def beyond_a_line(self) -> NDArray[np.bool_]:
-        """Whether a straight line shows it, in each cell.
-
-        With A > 0 it says |2·A·D + Q| > √(|Q|² + 4·A·R), which is to be outside of a circle: so is
-        what has a line between. D is all but straight in mass, damping and stiffness, so that
-        little is lost however wide they are. The root is bounded by its tangent.
-        """
+        """Whether a straight line shows it, in each cell."""
+        # With A > 0 it says |2·A·D + Q| > √(|Q|² + 4·A·R), which is to be outside of a circle: so
+        # is what has a line between. D is all but straight in mass, damping and stiffness, so that
+        # little is lost however wide they are. The root is bounded by its tangent.
         seen = self.whole * self.bottom * 2.0 + self.beside
         square = squared_modulus(self.beside) + self.whole * self.less * 4.0
         middle = np.maximum(square.centre.real, _TINY)
@@ -284,12 +282,11 @@ def clamped_combinations(design: Design) -> tuple[tuple[str, ...], ...]:
 def outermost_of(
     design: Design, combinations: Sequence[_Combination], witnesses: _Witnesses
 ) -> dict[_Combination, _Combination]:
-    """Of each of some combinations the one whose proof is its own too.
-
-    The condition is of the multipliers, of the signals K·(y + B/K·v + M/K·a) that they belong to,
-    and of each size times the gain that is stated. Where all but these products are alike and none
-    is larger, the first matrix only grows, and what fades has levels of which all were looked at.
-    """
+    """Of each of some combinations the one whose proof is its own too."""
+    # The condition is of the multipliers, of the signals K·(y + B/K·v + M/K·a) that they belong to,
+    # and of each size times the gain that is stated. Where all but these products are alike and
+    # none is larger, the first matrix only grows, and what fades has levels of which all were
+    # looked at.
     reaches = {names: _reaches(design, names, witnesses) for names in combinations}
     # What another covers comes after it, or is its equal.
     order = sorted(combinations, key=lambda each: -sum(size for _, size in reaches[each]))

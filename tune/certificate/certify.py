@@ -274,17 +274,15 @@ class Refusal:
 
 
 def refusal_of(device: Device, *, held: bool = False) -> Refusal | None:
-    """Why no effect on a device, ``held`` by a hand or not, can be certified; None where some can.
-
-    Every gain in (0, g] is to be stable, and so the device at next to none. One that its own force
-    pushes away from where it is, anywhere in its box or on its travel, runs away by itself.
-    """
+    """Why no effect on a device, ``held`` by a hand or not, can be certified; None if some can."""
     if held and device.axes is not None:
         return Refusal(
             seen=f"a hand holds a device of {len(device.axes)} axes",
             needed="no hand, which is proved beside a device of one axis only",
             remedy="Leave the scene's 'hand' out: the device alone is what is proved.",
         )
+    # Every gain in (0, g] is to be stable, and so the device at next to none. One that its own
+    # force pushes away from where it is, anywhere in its box or on its travel, runs away by itself.
     low, high = device.simultaneous_box().position_stiffness
     unit = UNITS[device.motion]["stiffness"]
     if device.gravity is not None and any(
@@ -355,12 +353,10 @@ def _judge_combinations(
     clamped: Mapping[_Combination, AbsoluteStability],
     covered: Collection[_Combination],
 ) -> list[_CombinationInRegion]:
-    """Search combinations for an unstable point; where none is found, prove that there is none.
+    """Search combinations for an unstable point; where none is found, prove that there is none."""
 
-    What the clamps of a combination are to be proved for says it of the linear loop too, so that
-    is not proved here, nor looked at where the proof is of another combination that covers it.
-    """
-
+    # What the clamps of a combination are to be proved for says it of the linear loop too, so that
+    # is not proved here, nor looked at where the proof is of another combination that covers it.
     def beyond(names: _Combination, claims: _NamedClaims) -> _NamedClaims:
         """What clamps are not to be proved for."""
         known = clamped.get(names)
@@ -431,11 +427,9 @@ def _ray_of(setting: Setting) -> tuple[tuple[float, ...], float]:
 def _outermost(
     named: Sequence[_NamedClaims], rays: Sequence[tuple[tuple[float, ...], float]]
 ) -> list[_NamedClaims]:
-    """Of the claims of each combination those that no other on its ray covers.
-
-    A claim is of every smaller gain and shorter delay too. The margin of the largest setting of a
-    ray is kept, so that its worst point is told.
-    """
+    """Of the claims of each combination those that no other on its ray covers."""
+    # A claim is of every smaller gain and shorter delay too. The margin of the largest setting of a
+    # ray is kept, so that its worst point is told.
     order = [
         ((ray, -own * claim.gain, -claim.extra), -own, number, place)
         for number, (claims, (ray, own)) in enumerate(zip(named, rays, strict=True))

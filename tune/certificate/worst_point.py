@@ -212,12 +212,10 @@ def worst_points_of_all(
     starts: FloatArray | None = None,
     thorough: int = 1,
 ) -> list[list[WorstCase]]:
-    """Search a region for the claims of each of some settings of the same filters.
-
-    Settings that play the same effects climb at once, for what takes time is how often loops are
-    computed, not how many; see `worst_points`.
-    """
+    """Search a region for the claims of each of some settings of the same filters."""
     found: list[list[WorstCase]] = [[] for _ in asked]
+    # Settings that play the same effects climb at once, for what takes time is how often loops are
+    # computed, not how many.
     for numbers in groups_of_equal_effects([setting for setting, _ in asked]):
         settings = [asked[number][0] for number in numbers]
         boxes = [

@@ -534,13 +534,11 @@ def _padded(*parts: FloatArray) -> Terms:
 
 
 def stack_loops(loops: Sequence[Loop]) -> Loop:
-    """Loops of shape (corners,), all grounded or all free, as one of shape (all corners,).
-
-    A loop of lower degree is multiplied by (1+w) as often as it takes. Its new poles lie at w = -1,
-    z = 0, where nothing is ever in doubt, and no verdict, limit or margin changes.
-    """
+    """Loops of shape (corners,), all grounded or all free, as one of shape (all corners,)."""
     if len(loops) == 1:
         return loops[0]
+    # A loop of lower degree is multiplied by (1+w) as often as it takes. Its new poles lie at w =
+    # -1, z = 0, where nothing is ever in doubt, and no verdict, limit or margin changes.
     degree = max(loop.degree for loop in loops)
     lifts = [degree - loop.degree for loop in loops]
 
@@ -574,16 +572,12 @@ _LONGEST_STEP = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
-    """One device with its effects: open loop L = N/D, closed D + N, sensitivity S = D/(D+N).
+    """One device with its effects: open loop L = N/D, closed D + N, sensitivity S = D/(D+N)."""
 
-    D, N (what the effects add) and D + N have shape (degree+1,), ascending in w; T is in s, 1 for a
-    dimensionless loop.
-    """
-
-    open: FloatArray
-    added: FloatArray
-    closed: FloatArray
-    sample_time: float
+    open: FloatArray  # D, shape (degree+1,), ascending in w
+    added: FloatArray  # N, what the effects add, likewise
+    closed: FloatArray  # D + N, likewise
+    sample_time: float  # s; 1 for a dimensionless loop
 
     def poles(self) -> ComplexArray:
         """Poles in w, shape (degree,); a pole at z = -1 is infinite."""

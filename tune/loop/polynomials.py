@@ -425,11 +425,10 @@ def convolve(p: Sequence[Any], q: Sequence[Any]) -> list[Any]:
 
 
 def h2_squared(numerator: Sequence[Any], denominator: Sequence[Any]) -> Any:
-    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient, in any arithmetic.
-
-    The α-β recursion of K. J. Åström (Introduction to Stochastic Control Theory, 1970, chapter 5):
-    the energy is the sum of β_k²/(2α_k) over two tables, whose rows are reduced as in Routh's.
-    """
+    """(1/2π)∫|N(jω)/D(jω)|² dω of a stable, strictly proper quotient, in any arithmetic."""
+    # The α-β recursion of K. J. Åström (Introduction to Stochastic Control Theory, 1970, chapter
+    # 5): the energy is the sum of β_k²/(2α_k) over two tables, whose rows are reduced as in
+    # Routh's.
     a = list(denominator[::-1])
     b = [0.0] * (len(a) - 1 - len(numerator)) + list(numerator[::-1])
     total: Any = 0.0

@@ -214,15 +214,12 @@ class Program:
 
 
 def program_of(problem: Problem, scenarios: Sequence[Scenario]) -> Program:
-    """The program of a problem; compiles it if no problem of its structure came before.
-
-    Scenarios are the corners that the solver is shown, the last again up to a power of two, so that
-    structures are met again.
-    """
+    """The program of a problem; compiles it if no problem of its structure came before."""
     limits = problem.limits
     shown: list[tuple[Loop, list[int]]] = []
     for index, loop in enumerate(problem.loops.late):
         if columns := [column for place, column in scenarios if place == index]:
+            # Up to a power of two, so that structures are met again.
             size = 1 << (len(columns) - 1).bit_length()
             shown.append((loop, columns + columns[-1:] * (size - len(columns))))
     ripple = limits.encoder_resolution is not None

@@ -294,11 +294,9 @@ class _Search:
         return most
 
     def _starts(self, middle: list[float], free: Sequence[int]) -> list[Filters]:
-        """Filters to climb from: one cut-off after the other, in both orders from the middle.
-
-        Where no line through the middle keeps every effect, all pairs of first choices are asked,
-        then lines of further kinds. Then kinds of one filter after the other, near the best.
-        """
+        """Filters to climb from: one cut-off after the other, in both orders from the middle."""
+        # Where no line through the middle keeps every effect, all pairs of first choices are asked,
+        # then lines of further kinds. Then kinds of one filter after the other, near the best.
         starts: dict[Filters, None] = {}
         pairs = [list(pair) for pair in product(*(axis.first[::-1] for axis in self.axes))]
         for kind in self.kinds:
@@ -337,13 +335,11 @@ class _Search:
         return [[*point[:index], place, *point[index + 1 :]] for place in places]
 
     def _kinds_beside(self, filters: Filters, index: int) -> list[Filters]:
-        """Kinds that are another one in one filter alone, the damping ratio the one of both.
-
-        The ratio goes with the acceleration filter where that is chosen too and has two poles.
-        """
+        """Kinds that are another one in one filter alone, the damping ratio the one of both."""
         mine, other = _kind_of(filters), DERIVATIVES[1 - index]
         kept = filter_of(mine, other)[::2]
         same = [kind for kind in self.kinds if filter_of(kind, other)[::2] == kept]
+        # The ratio goes with the acceleration filter where that is chosen too and has two poles.
         if index == 0 and self.axes[1].free and mine.acceleration_filter_order > 1:
             # Of one ratio the cut-off may be another one for the same kind as well.
             return [kind for kind in same if kind.filter_damping_ratio == mine.filter_damping_ratio]

@@ -246,16 +246,14 @@ class DesignTask:
     def with_less_to_prove(
         self, unproved: Sequence[tuple[str, ...]], why: str
     ) -> DesignTask | None:
-        """The task with a wall told apart from what it is not proved with, or without elements.
-
-        Elements that are not proved alone go, with the reason, else the last one of least priority
-        of the smallest combination. None where nothing would be left.
-        """
+        """The task with a wall told apart from what it is not proved with, or without elements."""
         scene, names = self.scene, min(unproved, key=len, default=())
         for wall, other in product(names, names):
             pair = wall, other
             if wall in scene.walls and other not in scene.walls and not self.asks_for_both(pair):
                 return self.without(pair)
+        # Elements that are not proved alone go, with the reason, else the last one of least
+        # priority of the smallest combination. None where nothing would be left.
         go = [each for one in unproved if len(one) == 1 for each in one]
         if names and not go:
             go = [max(reversed(names), key=lambda name: scene.elements[name].priority)]
@@ -507,11 +505,7 @@ def _combination(
 
 
 def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
-    """Elements whose springs the usual motion would bound, and which may be cut at the force limit.
-
-    They state no penetration, and nothing felt with them has mass or takes something away: what
-    pumps must not be cut. A wall is met by all there is, and is cut all the same.
-    """
+    """Elements whose springs the usual motion would bound, that may be cut at the force limit."""
     device, scene = task.device, task.scene
     limit, usual = device.force_limit, DEFAULT_MOTION[device.motion].penetration
     if limit is None or usual is None or not task.region.box.damping[0] > 0:
@@ -522,6 +516,8 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
     within = set(elements)
     groups = [set(s) for name in elements for s in task.subsets[name] if within >= {*s}]
     fading = {name for name in elements if task.fades(name)}
+    # They state no penetration, and nothing felt with them has mass or takes something away: what
+    # pumps must not be cut. A wall is met by all there is, and is cut all the same.
     cut: set[str] = set()
     for name in elements:
         wish = scene.elements[name].stiffness
@@ -536,14 +532,10 @@ def may_saturate(task: DesignTask, elements: Sequence[str]) -> frozenset[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutoffAxis:
-    """The choices of one cut-off on a logarithmic scale, from coarse places to written hertz.
+    """The choices of one cut-off on a logarithmic scale, from coarse places to written hertz."""
 
-    Beyond the last but one of the first places there is no filter; there is one place where the
-    cut-off is not free, but fixed.
-    """
-
-    first: tuple[float, ...]
-    fixed: float | None = None
+    first: tuple[float, ...]  # beyond the last but one there is no filter; one place where fixed
+    fixed: float | None = None  # the cut-off where it is not free
 
     @classmethod
     def of(cls, cutoff: Cutoff, nyquist: float) -> CutoffAxis:

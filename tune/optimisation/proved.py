@@ -136,12 +136,10 @@ def solve_groups(
 
 
 def with_room_regained(solutions: Sequence[Solution]) -> list[Solution]:
-    """Solutions in which each size that a proof held back is as large as its proof allows.
-
-    All that are met were made smaller together, until what moves least was proved. Elements, that
-    of the fewest steps first, then their effects one by one are raised as far as the limits and the
-    multipliers at hand go, and again where that left room.
-    """
+    """Solutions in which each size that a proof held back is as large as its proof allows."""
+    # All that are met were made smaller together, until what moves least was proved. Elements, that
+    # of the fewest steps first, then their effects one by one are raised as far as the limits and
+    # the multipliers at hand go, and again where that left room.
     found, before = list(solutions), list[Solution]()
     while found is not before:
         before = found

@@ -234,11 +234,7 @@ def _delays(first: float, last: float, extra: float) -> list[float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loops:
-    """The loops of a region with one set of filters, built once and kept for every element.
-
-    They belong to the device, and so does what one effect may be alone: an element only adds its
-    own wishes and motion.
-    """
+    """The loops of a region with one set of filters, built once and kept for every element."""
 
     region: Region
     filters: Filters
@@ -248,6 +244,8 @@ class Loops:
     nominal: Loop  # the device alone at its best estimate and longest delay, for the ripple
     held: Loop | None  # the same in the scene's hand; None without one
     _each: tuple[DelayedLoops, ...] = field(repr=False)
+    # They belong to the device, and so does what one effect may be alone: an element only adds its
+    # own wishes and motion.
     _known: dict[tuple[object, ...], Any] = field(
         default_factory=dict[tuple[object, ...], Any], init=False, repr=False
     )

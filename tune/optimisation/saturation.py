@@ -497,11 +497,7 @@ def step_back(
     tuned: Callable[[float], Tried],
     dropped: Mapping[str, str],
 ) -> tuple[FloatArray, AllFound, tuple[str, ...]]:
-    """Sizes whose clamps are proved, by what, and the combination that linear sizes proved least.
-
-    More room is left to linear limits until the proof holds, or as long as that helps, and where
-    the last step was long, half of it is tried; no more may be dropped for it.
-    """
+    """Sizes whose clamps are proved, by what, and the combination that linear sizes prove least."""
 
     def proved(room: float, known: AllFound) -> tuple[FloatArray, AllFound] | None:
         less, other, also = tuned(room)
@@ -517,6 +513,8 @@ def step_back(
     room = failed = problem.room
     found = prove_combinations(problem, sizes)
     tightest = min(found, key=lambda elements: found[elements].gain)
+    # More room is left to linear limits until the proof holds, or as long as that helps, and where
+    # the last step was long, half of it is tried; no more may be dropped for it.
     for number in range(_MOST_ROOMS):
         short = short_of(found)
         if short <= 1 or short - 1 > _HELPS * (before - 1):
@@ -581,10 +579,8 @@ def soften(
 
 
 def witness_of(found: AbsoluteStability, margin: Margin, slack: float) -> AbsoluteStability:
-    """What is claimed of a combination: what was found, with its gain to three decimals downwards.
-
-    It is at least that of the margin; the slack is a part of what is beyond it and not claimed.
-    """
+    """What is claimed of a combination: what was found, its gain to three decimals downwards."""
+    # It is at least that of the margin; the slack is a part of what is beyond it and not claimed.
     if slack >= SLACK[-2]:
         return found.model_copy(update={"gain": margin.gain})
     gain = float(np.floor(found.gain * (1 - max(_SHAVED, slack)) * 1000) / 1000)

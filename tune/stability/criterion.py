@@ -58,15 +58,13 @@ _SAFE = 1 - 1e-9
 
 
 def routh(coefficients: FloatArray, sizes: FloatArray) -> VerdictArray:
-    """The verdict for coefficients (degree+1, *shape) in ascending powers of w, of that shape.
-
-    Running error bounds decide most; they grow with the degree, so what they leave open is judged
-    by sharper and slower means: stable where the four vertices of Kharitonov's theorem are, not
-    stable where a disc around a computed root lies beyond the axis.
-    """
+    """The verdict for coefficients (degree+1, *shape) in ascending powers of w, of that shape."""
     shape = coefficients.shape[1:]
     c = coefficients.reshape(len(coefficients), -1)
     errors = ULPS * UNIT * sizes.reshape(c.shape)
+    # Running error bounds decide most; they grow with the degree, so what they leave open is judged
+    # by sharper and slower means: stable where the four vertices of Kharitonov's theorem are, not
+    # stable where a disc around a computed root lies beyond the axis.
     verdict = _running(c, errors)
     known = np.all(np.isfinite(c) & np.isfinite(errors), axis=0)
     open_ = np.flatnonzero((verdict == 0) & known)
@@ -240,13 +238,11 @@ def judge_many(
 
 
 def _table(c: FloatArray, size: FloatArray) -> _Judged:
-    """Any degree: Routh's array with running error bounds, in place; highest power first.
-
-    With r = u0/v0 every entry of the next row is u - r·v, and its error that of u, r + dr times
-    that of v, and dr times |v|. What is rounded on the way is less than a sixteenth of these bounds
-    in each row, because they begin with more than 32 units of roundoff; beginning with eight
-    times as much covers thirty rows.
-    """
+    """Any degree: Routh's array with running error bounds, in place; highest power first."""
+    # With r = u0/v0 every entry of the next row is u - r·v, and its error that of u, r + dr times
+    # that of v, and dr times |v|. What is rounded on the way is less than a sixteenth of these
+    # bounds in each row, because they begin with more than 32 units of roundoff; beginning with
+    # eight times as much covers thirty rows.
     slack = _ROUNDED * ULPS * UNIT * size
     e = np.repeat(slack[:, None], c.shape[1], axis=1)
     unstable = c.min(axis=0) < -slack.max()

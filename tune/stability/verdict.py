@@ -493,12 +493,7 @@ _BLOCK = 4096
 def _answered(
     answer: Callable[[Loop, Effects], tuple[NDArray[Any], ...]], loop: Loop, effects: Effects
 ) -> tuple[NDArray[Any], ...]:
-    """What a function answers for each point of loop and effects, arrays of their broadcast shape.
-
-    Many points are parted along the longest axis, and parts that are still too many again. Each is
-    computed for itself, number by number, so that what a single loop answers it answers among a
-    million too, to the last digit.
-    """
+    """What a function answers for each point of loop and effects, in their broadcast shape."""
     present = effects.present()
     shape = np.broadcast_shapes(
         loop.terms.free.shape[1:], *(value.shape for value in present.values())
@@ -507,6 +502,9 @@ def _answered(
     if count <= _BLOCK:
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told so
             return answer(loop, effects)
+    # Many points are parted along the longest axis, and parts that are still too many again. Each
+    # is computed for itself, number by number, so that what a single loop answers it answers among
+    # a million too, to the last digit.
     longest = int(np.argmax(shape))
     length, behind = shape[longest], len(shape) - longest
     step = max(1, _BLOCK * length // count)

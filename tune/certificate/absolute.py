@@ -44,7 +44,6 @@ from tune.certificate.value_set import (
 from tune.certificate.zero_exclusion import (
     Cells,
     Claim,
-    as_affine,
     decide,
     initial_cells,
     mechanism_of,
@@ -97,13 +96,11 @@ def _prove_absolute(
     def examine(cells: Cells) -> tuple[NDArray[np.bool_], FloatArray]:
         symbols = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
         terms = terms_of(cells, symbols)
-        theta = as_affine(terms[0], cells, len(symbols))
         steady = list(zip(terms[sides:], sum_.steady, strict=True))
         pull = np.zeros_like(cells.low)
         with np.errstate(all="ignore"):
-            found, factors = _determinant(
-                theta, mechanism_of(merged, terms[:sides]), channels, claim.gain, steady
-            )
+            theta, mechanism = mechanism_of(merged, terms[:sides])
+            found, factors = _determinant(theta, mechanism, channels, claim.gain, steady)
             condition = found.total()
             holds = (real_lower_bound(condition) > 0) | found.beyond_a_line()
             # What is not straight comes from products: by the squares of the factors' slopes.

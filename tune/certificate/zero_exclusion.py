@@ -282,7 +282,7 @@ def _exclusion_test(
     moving = [row for row in range(len(cells.low)) if np.any(cells.high[row] > cells.low[row])]
     symbols = [row for row in moving if row != 1]
     terms = terms_of(cells, symbols)
-    theta, mechanism = as_affine(terms[0], cells, len(symbols)), mechanism_of(region, terms)
+    theta, mechanism = mechanism_of(region, terms)
     low, high = cells.low[1], cells.high[1]
     with np.errstate(all="ignore"):
         plant = sampled_plant(theta, mechanism)
@@ -322,17 +322,8 @@ def terms_of(cells: Cells, symbols: Sequence[int]) -> list[Term]:
     return terms
 
 
-def as_affine(term: Term, cells: Cells, symbols: int) -> AffineForm:
-    """A term as a form in so many symbols, a number as one that none of them moves."""
-    if isinstance(term, AffineForm):
-        return term
-    count = len(cells)
-    zero = np.zeros(count)
-    return AffineForm(np.full(count, term + 0j), np.zeros((symbols, count), complex), zero, zero)
-
-
-def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
-    """What may be anywhere in each cell, from the terms of its sides."""
+def mechanism_of(region: Region, terms: list[Term]) -> tuple[AffineForm, Mechanism]:
+    """θ, and what may be anywhere in each cell, from the terms of its sides."""
     aliased, terms = _by_reactance(region, terms)
     theta, _, extra, mass, damping, step, delay, lag, slope, *rest = terms
     assert isinstance(theta, AffineForm)  # it always has a width
@@ -340,7 +331,7 @@ def mechanism_of(region: Region, terms: list[Term]) -> Mechanism:
     if region.hand is not None:
         hand = (rest[0], rest[1], rest[2])
         rest = rest[3:]
-    return Mechanism(
+    return theta, Mechanism(
         mass=mass,
         damping=damping,
         sample_time=step,

@@ -450,7 +450,7 @@ def with_what_is_felt(
             felt = _felt_instead(task, filters, name, effect, beside)
             remedy = _remedy(wishes, effect, "for less of it" * (TOO_LITTLE not in why))
             told[label] = f"{why}{felt}. {remedy}" if felt and remedy else f"{why}{felt}"
-        if effect == "stiffness" and why.endswith(_HELD) and _undamped(task, name):
+        if effect == "stiffness" and why.endswith(_HELD) and "damping" not in wishes:
             told[label] = f"{why}. Ask for {_DAMPED}"
     return told
 
@@ -478,7 +478,8 @@ def notes_of_unmet(
                 continue
             most, about = f"{format_number(size)} {units[effect]}", f"{name}.{effect}"
             why, felt = element.limited_by[effect], ""
-            undamped = effect == "stiffness" and why in _HELD and _undamped(task, name)
+            damped = effect == "stiffness" and why in _HELD
+            undamped = damped and "damping" not in wishes
             if wish.kind == "max" and alone.get(about, 0.0) > _MUCH * size:
                 most_alone = f"about {format_number(alone[about])} {units[effect]} by itself"
                 mates = " and ".join(each for each in tightest[about] if each != name)
@@ -495,18 +496,13 @@ def notes_of_unmet(
                 continue
             if why == "rendering":
                 felt = _felt_instead(task, filters, name, effect, played)
-            less, damped = _at_most(most, size), effect == "stiffness" and why in _HELD
+            less = _at_most(most, size)
             remedy = f"Ask {less}" + f", or for {_DAMPED}" * undamped
             yield (
                 f"{note_of_unmet(about)}{format_number(asked)} {units[effect]} is "
                 f"asked for, {most} is played, limited by {why}{felt}. "
                 + (_remedy(wishes, effect, less) if felt or damped > undamped else remedy)
             )
-
-
-def _undamped(task: DesignTask, name: str) -> bool:
-    """Whether no damping is asked for in an element."""
-    return "damping" not in task.scene.elements[name].wishes()
 
 
 def unmet_wishes(profile: SafeProfile, scene: Scene) -> Iterator[Finding]:

@@ -298,7 +298,13 @@ class Loops:
         Its gain margin is this over its size, because a gain only scales it.
         """
         which, loops = ("late", self.late) if late else ("present", self.present)
-        return self._kept((effect, sign, which), lambda: _least_end(loops, effect, sign))
+
+        def least_end() -> float:
+            """Over all loops, of the stable sizes that are connected to nothing."""
+            found = (stable_values(loop, effect, sign=sign) for loop in loops)
+            return min(float(np.min(np.where(low[0] == 0, high[0], 0.0))) for low, high in found)
+
+        return self._kept((effect, sign, which), least_end)
 
     def quiet_alone(
         self, effect: EffectName, sign: int, *, resolution: float, limit: float, top: float
@@ -325,12 +331,3 @@ def _side_by_side(loops: Sequence[Loop]) -> tuple[Loop, ...]:
     """One loop of all that are free and one of all whose position is bound."""
     alike = [[loop for loop in loops if loop.grounded == grounded] for grounded in (False, True)]
     return tuple(stack_loops(group) for group in alike if group)
-
-
-def _least_end(loops: Sequence[Loop], effect: EffectName, sign: int) -> float:
-    """Least end, over all loops, of the stable sizes that are connected to nothing."""
-    ends: list[float] = []
-    for loop in loops:
-        low, high = stable_values(loop, effect, sign=sign)
-        ends.append(float(np.min(np.where(low[0] == 0, high[0], 0.0))))
-    return min(ends)

@@ -85,8 +85,6 @@ class Solution:
     dropped: dict[str, str]  # reason by label of every effect that was left out
     method: str = "as given"
     disagreement: float = 0.0  # of the solvers, in the logarithm of the product of steps
-    # sizes as they were found; empty where nothing was looked for
-    unrounded: FloatArray = field(default_factory=lambda: np.empty(0))
     # gains of the combinations that must be absolutely stable
     absolute: AllFound = field(default_factory=dict[tuple[str, ...], AbsoluteStability])
     stepped_back: frozenset[int] = frozenset()  # unknowns that are smaller for it

@@ -170,17 +170,14 @@ class Region:
     def _corners(self, step: float, delay: float) -> Iterator[PlantPoint]:
         """Every corner at one sample time and delay, and the devices that were worse than they."""
         # Modes shift and are damped all together.
-        ways = ((),)
-        if self.modes:
-            ends = [(_pair(m.frequency_hz), _pair(m.damping_ratio)) for m in self.modes]
-            ways = tuple(
-                tuple((frequency[fast], ratio[damped]) for frequency, ratio in ends)
-                for fast, damped in product((0, 1), repeat=2)
-            )
+        ends = [(_pair(m.frequency_hz), _pair(m.damping_ratio)) for m in self.modes]
+        ways = dict.fromkeys(
+            tuple((frequency[fast], ratio[damped]) for frequency, ratio in ends)
+            for fast, damped in product((0, 1), repeat=2)
+        )
         grips: list[tuple[float, float, float] | None] = [None]
-        if self.hand is not None:
-            hand = self.hand
-            grips += list(product(_ends(hand.mass), _ends(hand.damping), _ends(hand.stiffness)))
+        if (hand := self.hand) is not None:
+            grips += product(_ends(hand.mass), _ends(hand.damping), _ends(hand.stiffness))
         lags = (0.0,) if self.current_lag is None else _ends(self.current_lag)
         masses, dampings = dict.fromkeys(self.box.mass), dict.fromkeys(self.box.damping)
         slopes = dict.fromkeys(self.box.position_stiffness)
@@ -188,7 +185,7 @@ class Region:
             pairs = zip(self.box.position_stiffness, self.presliding, strict=True)
             slopes |= dict.fromkeys(own + held for own, held in pairs)
         for mass, damping, slope, way, lag, grip in product(
-            masses, dampings, slopes, dict.fromkeys(ways), lags, grips
+            masses, dampings, slopes, ways, lags, grips
         ):
             yield PlantPoint(
                 mass=mass,

@@ -205,7 +205,6 @@ def _solved(
         sizes=sizes,
         method=" and ".join(optimum.methods) or "start",
         disagreement=optimum.disagreements,
-        unrounded=optimum.sizes,
         absolute=found,
         alone=alone,
         tightest=tightest,

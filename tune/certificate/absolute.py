@@ -74,16 +74,13 @@ class _Nonlinear:
 def _prove_absolute(
     region: Region, sum_: _Nonlinear, multiplier: Multiplier | None, claim: Claim, most_cells: int
 ) -> int:
-    """Cells in which the condition is shown everywhere in a region, up to the gain of the claim.
-
-    For a smaller gain the first matrix only grows. It says of the linear loop that no pole crosses
-    the circle, at any level of each part; by itself the device has none there, as its damping and
-    that of its modes is above zero: all that moves loses energy, springs and hands or not, but for
-    one pole at z = 1 where nothing holds the position. The region is all of it free or all of it
-    grounded; steady elements act at any part from nothing to the gain.
-
-    Raises ValueError where device or multiplier allow no such proof, or it was not found.
-    """
+    """Cells in which the condition is shown everywhere in a region, up to the gain of the claim."""
+    # For a smaller gain the first matrix only grows. It says of the linear loop that no pole
+    # crosses the circle, at any level of each part; by itself the device has none there, as its
+    # damping and that of its modes is above zero: all that moves loses energy, springs and hands or
+    # not, but for one pole at z = 1 where nothing holds the position. The region is all of it free
+    # or all of it grounded; steady elements act at any part from nothing to the gain. ValueError is
+    # raised where device or multiplier allow no such proof, or it was not found.
     channels = _channels(sum_, multiplier, grounded=region.grounded)
     if not min([region.damping[0], *(mode.damping_ratio[0] for mode in region.modes)]) > 0:
         raise ValueError("the device or a mode may have no damping, and what moves it may pump it")
@@ -388,18 +385,15 @@ def judge_switched(
 def judge_levels(
     design: Design, combination: tuple[str, ...], regions: tuple[Region, ...], most_cells: int
 ) -> int:
-    """Cells in which a combination is proved at every level of what fades.
-
-    On the way in and out an element is played in part, each at a level of its own in [0, 1]. For
-    one device, frequency and gain the loop D + s·N is straight in every level, so that its values
-    fill the convex hull of those where each level is 0 or 1. Alone an element goes through smaller
-    gains of itself; a combination with a clamp that may be reached is proved at any level of each.
-    The combination and each part of it are proved at their full levels before. Raises
-    CheckFailedError where it is not proved.
-    """
+    """Cells in which a combination is proved at every level of what fades."""
     fading = [name for name in combination if design.elements[name].fades]
     if not fading or len(combination) == 1 or _is_clamped(design, combination):
         return 0
+    # On the way in and out an element is played in part, each at a level of its own in [0, 1]. For
+    # one device, frequency and gain the loop D + s·N is straight in every level, so that its values
+    # fill the convex hull of those where each level is 0 or 1. Alone an element goes through
+    # smaller gains of itself; a combination with a clamp that may be reached is proved at any level
+    # of each. The combination and each part of it are proved at their full levels before.
     corners = [
         setting_of(design, tuple(name for name in combination if name not in absent))
         for count in range(len(fading) + 1)

@@ -150,12 +150,10 @@ def _resolvent(transition: Balls, read: Balls, drive: Balls) -> arb_poly:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedLoop:
-    """D(z) + s·N(z), whose roots are the poles when all effects are multiplied by s.
+    """D(z) + s·N(z), whose roots are the poles when all effects are multiplied by s."""
 
-    Where no spring acts, of the effects or of the hand, the pole z = 1 of free motion has been
-    divided out of both.
-    """
-
+    # Where no spring acts, of the effects or of the hand, the pole z = 1 of free motion has been
+    # divided out of both.
     open: arb_poly  # D
     feedback: arb_poly  # N
     integrates: bool  # D still has the exact root z = 1, which belongs to zero gain and to no other

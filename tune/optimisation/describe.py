@@ -89,11 +89,9 @@ class SizedCombination(NamedTuple):
 
 
 def _extra_delays(felt: Sequence[SizedCombination]) -> list[float]:
-    """Extra samples of delay up to which all gains in (0, 1] are stable at all corners, of each.
-
-    Looked for at whole samples and, before the first that fails, at tenths; what lies between is
-    for the certificate to prove. `MOST_EXTRA_DELAY` where more may be borne.
-    """
+    """Extra samples of delay up to which all gains in (0, 1] are stable at all corners, of each."""
+    # Looked for at whole samples and, before the first that fails, at tenths; what lies between is
+    # for the certificate to prove. `MOST_EXTRA_DELAY` where more may be borne.
     boxes = [one.problem.region.box for one in felt]
     # Samples that can be added before a loop is longer than any that can be judged.
     left = [int(LONGEST_DELAY - box.delay[1] / box.sample_time[0]) for box in boxes]

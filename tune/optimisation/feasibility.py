@@ -460,11 +460,9 @@ def bindings(
     indices: Sequence[int],
     stepped_back: frozenset[int] = frozenset(),
 ) -> list[LimitedBy]:
-    """The constraint that keeps each of some effects from being larger, the others as they are.
-
-    Where effects were stepped back for the proof of clamps, this binds those that no limit meets.
-    One that is as large as was wanted is limited by that, whatever else it meets.
-    """
+    """The constraint that keeps each of some effects from being larger, the others as they are."""
+    # Where effects were stepped back for the proof of clamps, this binds those that no limit meets.
+    # One that is as large as was wanted is limited by that, whatever else it meets.
     bounds: dict[int, dict[LimitedBy, float]] = {
         index: {"wanted": unknown.high}
         for index in indices

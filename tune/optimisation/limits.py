@@ -152,11 +152,9 @@ class Rendering:
         return self.per_step * (self.scale.height(felt) - self.scale.height(asked))
 
     def rows(self, asked: float) -> FloatArray:
-        """The tangents where so much is asked for, as every a of a·sizes <= 1.
-
-        What one step reaches upwards is convex in what is asked for, what it reaches downwards is
-        concave: what a tangent allows is allowed.
-        """
+        """The tangents where so much is asked for, as every a of a·sizes <= 1."""
+        # What one step reaches upwards is convex in what is asked for, what it reaches downwards is
+        # concave: what a tangent allows is allowed.
         slope, reach = self._tangents(np.array(asked))
         return (self.given - slope * self.asked) / reach
 
@@ -541,10 +539,8 @@ def _gap_phase(
 
 
 def _phase(both: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
-    """(slope and second derivative to v of the phase of L, L) at w = jv.
-
-    Both polynomials of L = law/free have shape (degree+1, 2, 1, loops).
-    """
+    """(slope and second derivative to v of the phase of L, L) at w = jv."""
+    # Both polynomials of L = law/free have shape (degree+1, 2, 1, loops).
     (a, b), (a1, b1), (a2, b2) = _derivatives(both, v)
     slope = np.real(b1 / b - a1 / a)
     curve = -np.imag((b2 / b - (b1 / b) ** 2) - (a2 / a - (a1 / a) ** 2))

@@ -152,11 +152,7 @@ def largest_product(
 
 
 class _Search:
-    """The best allowed setting so far, and the corners that solvers have been shown.
-
-    Stability is shown to them only once a proposal breaks it: where something else binds, it costs
-    most and decides nothing.
-    """
+    """The best allowed setting so far, and the corners that solvers have been shown."""
 
     def __init__(
         self,
@@ -169,6 +165,8 @@ class _Search:
         self.backends = backends
         self.sizes = start
         self.low = problem.low
+        # Stability is shown only once a proposal breaks it: where something else binds, it costs
+        # most and decides nothing.
         self.scenarios: list[Scenario] = list(shown)
         self.program = program_of(problem, self.scenarios)
         self.methods: list[str] = []
@@ -421,11 +419,8 @@ def multipliers(program: Program, rank: Rank, y: FloatArray) -> FloatArray | Non
 
 
 def _nonnegative_combination(columns: FloatArray, target: FloatArray) -> FloatArray | None:
-    """Weights, none negative, of the combination of columns that comes nearest to a target.
-
-    Nearest in the sum of absolute differences. Columns and target are of length about one. None
-    where the solver gives up.
-    """
+    """Weights, none negative, of the combination of columns that comes nearest to a target."""
+    # Nearest in the sum of absolute differences. Columns and target are of length about one.
     rows, count = columns.shape
     identity = np.eye(rows)
     cost = np.concatenate([np.zeros(count), np.ones(2 * rows)])
@@ -444,11 +439,9 @@ def solve_linear_program(
     ends: tuple[FloatArray, FloatArray],
     bounds: tuple[FloatArray, FloatArray],
 ) -> FloatArray | None:
-    """The x of least cost·x with rows·x between two ends and x between two bounds, if there is one.
-
-    All numbers are of one scale, without unit, and infinite for no end or bound. HiGHS through
-    CasADi, which a tuning has loaded anyway; scipy.optimize takes a third of a second to import.
-    """
+    """The x of least cost·x, rows·x between two ends and x between two bounds, if there is one."""
+    # All numbers are of one scale, without unit, and infinite for no end or bound. HiGHS through
+    # CasADi, which a tuning has loaded anyway; scipy.optimize takes a third of a second to import.
     solver = _solver(*rows.shape)
     found = solver(g=cost, a=rows, lba=ends[0], uba=ends[1], lbx=bounds[0], ubx=bounds[1])
     if not solver.stats()["success"]:

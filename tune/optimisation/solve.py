@@ -82,12 +82,7 @@ def solve(
     filters: Filters,
     before: Sequence[Solution] = (),
 ) -> Solution:
-    """Tune one group; effects of which one step is out of reach are dropped, with what they miss.
-
-    Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
-    can be proved safe so at the scene's margin; else the usual motion bounds them. What was tuned
-    before may be felt beside it.
-    """
+    """Tune one group; effects of which a step is out of reach are dropped, with what they miss."""
     met = _met(task, elements)
     beside = {
         label: size
@@ -96,6 +91,9 @@ def solve(
         if label.rpartition(".")[0] in met
     }
     known = frozenset[str]().union(*(solved.problem.cut for solved in before))
+    # Springs into which a hand may go as deep as it likes are cut at the limit of force, where they
+    # can be proved safe so at the scene's margin; else the usual motion bounds them. What was tuned
+    # before may be felt beside them.
     cut = may_saturate(task, elements)
     walls = cut & task.scene.walls
     free = _solved(task, elements, filters, known | cut, beside)
@@ -221,11 +219,7 @@ def _steps_lost(problem: Problem, sizes: FloatArray, most: Mapping[str, float]) 
 def _pair(
     task: DesignTask, elements: Sequence[str], combination: tuple[str, ...]
 ) -> tuple[str, str] | None:
-    """A wall and another element, one of them tuned before, of which one may leave more room.
-
-    Or that may be told apart, as what the scene asks for together may not. Of the least priority;
-    None where there is none.
-    """
+    """A wall and another element, one of them tuned before, of which one may leave more room."""
     scene = task.scene
 
     def leaves_room(pair: tuple[str, str]) -> bool:
@@ -240,6 +234,7 @@ def _pair(
         and (wall in elements) != (other in elements)
         and {wall, other} not in map(set, scene.apart)
     ]
+    # Or that may be told apart, as what the scene asks for together may not. Of the least priority.
     may = [pair for pair in pairs if leaves_room(pair) or not task.asks_for_both(pair)]
     return max(may, key=lambda p: (scene.elements[p[1]].priority, leaves_room(p)), default=None)
 
@@ -488,8 +483,8 @@ def tune_with_filters(
 ) -> Tuned:
     """A group tuned by one solver, from where it was with other filters, without what is gone.
 
-    Nothing is worth less than a range that cannot be met. Of effects that cannot be kept together
-    the best set is chosen, at a cost; without ``choosing`` all of them count as left out.
+    Of effects that cannot be kept together the best set is chosen, at a cost; without ``choosing``
+    all of them count as left out.
     """
 
     def known(problem: Problem) -> tuple[list[FloatArray], Sequence[Scenario]]:

@@ -117,28 +117,22 @@ def _extra_delays(felt: Sequence[SizedCombination]) -> list[float]:
 
 def _holding(felt: Sequence[SizedCombination], parts: NDArray[np.int64]) -> BoolArray:
     """Whether each is stable at its own parts of a sample more, at every gain in (0, 1]."""
-    good = np.zeros(len(felt), dtype=np.bool_)
+    good = np.ones(len(felt), dtype=np.bool_)
+    # Those with the same loops and delay, all with a spring or all without, are judged at once.
     together: dict[tuple[int, float, bool], list[int]] = {}
     for place, (one, part) in enumerate(zip(felt, parts.tolist(), strict=True)):
         key = id(one.problem.loops), part / _PARTS, bool(one.combination.members[0])
         together.setdefault(key, []).append(place)
     for (_, late, _), places in together.items():
-        good[places] = _stable([felt[place] for place in places], late)
-    return good
-
-
-def _stable(felt: Sequence[SizedCombination], late: float) -> BoolArray:
-    """Combinations with the same loops, all with a spring or all without, at one extra delay."""
-    each = [one.problem.effects(one.combination, one.sizes) for one in felt]
-    totals: dict[EffectName, FloatArray | None] = {}
-    for name in EFFECT_NAMES:
-        values: list[float | None] = [getattr(effects, name) for effects in each]
-        there = any(value is not None for value in values)
-        totals[name] = np.array([[value or 0.0] for value in values]) if there else None
-    effects = Effects(**totals)
-    good = np.ones(len(felt), dtype=np.bool_)
-    for loop in felt[0].problem.loops.latest(late):
-        good &= np.all(safe_up_to(loop, effects, 1 + CLOSE), axis=1)
+        alike = [felt[place] for place in places]
+        each = [one.problem.effects(one.combination, one.sizes) for one in alike]
+        totals: dict[EffectName, FloatArray | None] = {}
+        for name in EFFECT_NAMES:
+            values: list[float | None] = [getattr(effects, name) for effects in each]
+            there = any(value is not None for value in values)
+            totals[name] = np.array([[value or 0.0] for value in values]) if there else None
+        for loop in alike[0].problem.loops.latest(late):
+            good[places] &= np.all(safe_up_to(loop, Effects(**totals), 1 + CLOSE), axis=1)
     return good
 
 

@@ -68,16 +68,15 @@ def worst_gain(
 
 def least_margin_loops(
     problem: Problem, sizes: FloatArray, *, broken: bool = False
-) -> Iterator[tuple[int, int]]:
+) -> set[tuple[int, int]]:
     """(loop of ``late``, column) of least margin, of each combination and loop, all or broken."""
-    found: set[tuple[int, int]] = set()
-    for effects in _felt(problem, sizes[None]):
-        for place, loop in enumerate(problem.loops.late):
-            for gains in safe_gain(loop, effects)[0]:
-                column = int(np.argmin(gains))
-                if not broken or not gains[column] > problem.margin.gain * (1 + CLOSE):
-                    found.add((place, column))
-    yield from sorted(found)
+    return {
+        (place, int(np.argmin(gains)))
+        for effects in _felt(problem, sizes[None])
+        for place, loop in enumerate(problem.loops.late)
+        for gains in safe_gain(loop, effects)[0]
+        if not (broken and np.min(gains) > problem.margin.gain * (1 + CLOSE))
+    }
 
 
 def ripple(problem: Problem, combination: Combination, sizes: FloatArray) -> float | None:

@@ -8,7 +8,7 @@ multipliers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
@@ -252,9 +252,9 @@ class _Search:
         """Whether multipliers show, with the corners that are shown, that no more is possible."""
         return multipliers(self.program, rank, np.log(self.sizes)) is not None
 
-    def _show(self, loops: Iterable[Scenario]) -> bool:
+    def _show(self, loops: set[Scenario]) -> bool:
         """Whether any of these corners had not been shown."""
-        new = sorted(set(loops) - set(self.scenarios))
+        new = sorted(loops.difference(self.scenarios))
         if new:
             self.scenarios += new
             self.program = program_of(self.problem, self.scenarios)
@@ -280,9 +280,9 @@ class _Search:
             proposal = np.exp(np.clip(answer, rank.lower, rank.upper))
             if is_feasible(self.problem, proposal):
                 return proposal
-            broken = set(least_margin_loops(self.problem, proposal, broken=True))
+            broken = least_margin_loops(self.problem, proposal, broken=True)
             if not self.scenarios:
-                broken |= set(least_margin_loops(self.problem, np.exp(start)))
+                broken |= least_margin_loops(self.problem, np.exp(start))
             if not self._show(broken):
                 break
         if proposal is None:
@@ -381,7 +381,7 @@ def _least_broken(problem: Problem) -> FloatArray | None:
             sizes = np.exp(np.clip(answer, low, high))
             if is_feasible(problem, sizes):
                 return sizes
-            broken = set(least_margin_loops(problem, sizes, broken=True)) - set(scenarios)
+            broken = least_margin_loops(problem, sizes, broken=True).difference(scenarios)
             if not broken:
                 break
             scenarios += sorted(broken)

@@ -109,19 +109,6 @@ def solve(
     return max(usual, free, key=lambda each: (each.sizes.size, _products(each.problem, each.sizes)))
 
 
-def _springs_alone(
-    task: DesignTask, elements: Sequence[str], filters: Filters, cut: frozenset[str]
-) -> dict[str, float]:
-    """About what stiffness a group has where nothing is met beside it, by label."""
-    problem, most, _ = optimum_of(
-        task, elements, filters, cut=cut, second_opinion=False, choosing=False
-    )
-    if most is None or most.sizes is None:
-        return {}
-    pairs = zip(problem.unknowns, most.sizes.tolist(), strict=True)
-    return {u.label: size for u, size in pairs if u.effect == "stiffness"}
-
-
 def _met(task: DesignTask, elements: Sequence[str]) -> set[str]:
     """Elements that share some combination with some of these."""
     own = {*elements}
@@ -180,8 +167,13 @@ def _solved(
         sizes, found, tightest = step_back(problem, sizes, tuned, dropped)
         gain = min(one.gain for one in found.values())
         short = gain < problem.proved_gain
-        if settled:
-            alone = _springs_alone(task, elements, filters, cut)
+        if settled:  # about what stiffness the group has where nothing is met beside it
+            bare, most_alone, _ = optimum_of(
+                task, elements, filters, cut=cut, second_opinion=False, choosing=False
+            )
+            if most_alone is not None and most_alone.sizes is not None:
+                pairs = zip(bare.unknowns, most_alone.sizes.tolist(), strict=True)
+                alone = {u.label: size for u, size in pairs if u.effect == "stiffness"}
         # Of springs what they have alone, of dampers what linear limits leave them.
         pairs = zip(problem.unknowns, linear.tolist(), strict=True)
         most = alone | {u.label: size for u, size in pairs if u.effect == "damping"}

@@ -268,8 +268,9 @@ class _Search:
 
     def _kept(self, filters: Filters) -> list[Unknown]:
         """The effects that are kept with some filters, which were tried."""
-        known = (self.known[elements, self._of(elements, filters)] for elements in self.asked)
-        return [u for tuned in known if tuned.kept for u in tuned.problem.unknowns]
+        tuned = (self.known[elements, self._of(elements, filters)] for elements in self.asked)
+        kept = (each.problem for each in tuned if each.optimum.sizes is not None)
+        return [unknown for problem in kept for unknown in problem.unknowns]
 
     def _nearest(self, filters: Filters, index: int, kind: Filters) -> tuple[float, Filters]:
         """How near to a step an effect comes with one filter chosen anew, and both filters."""

@@ -71,8 +71,8 @@ class Optimum:
     """Where the search ended."""
 
     sizes: FloatArray | None  # of the unknowns, allowed exactly; None where nothing is
-    methods: tuple[str, ...]  # names of what proposed each accepted answer
-    disagreements: float  # largest difference of solvers in the logarithm of a product, 0 if none
+    methods: tuple[str, ...] = ()  # names of what proposed each accepted answer
+    disagreements: float = 0.0  # largest difference of solvers in the logarithm of a product
     scenarios: tuple[Scenario, ...] = ()  # corners whose stability the solvers had to be shown
 
 
@@ -107,7 +107,7 @@ def single_unknown_optimum(problem: Problem) -> Optimum:
     """The answer for one unknown: the least of its bounds, no solver."""
     sizes = np.array([largest_allowed(problem, np.zeros(1), 0)])
     fits = sizes[0] >= problem.unknowns[0].low and is_feasible(problem, sizes)
-    return Optimum(sizes=sizes if fits else None, methods=("closed form",), disagreements=0.0)
+    return Optimum(sizes=sizes if fits else None, methods=("closed form",))
 
 
 def largest_product(
@@ -126,7 +126,7 @@ def largest_product(
         return single_unknown_optimum(problem)
     starts = list(known) or initial_points_of(problem)
     if not starts:
-        return Optimum(sizes=None, methods=(), disagreements=0.0)
+        return Optimum(sizes=None)
     search = _Search(problem, backends, starts[0], shown)
     fixed = np.zeros(len(problem.unknowns), dtype=np.bool_)
     levels = sorted({unknown.level for unknown in problem.unknowns})

@@ -276,8 +276,8 @@ _ALIKE, _DIGITS = 9, 6
 _FAINT, _KEPT, _FIRST_TAP = (0.3, 0.03, 1e-3, 0.0), 0.99, (0.03, 1e-3)
 
 
-#: A problem, its optimum if any, and why the rest is dropped.
-Tried = tuple[Problem, "Optimum | None", dict[str, str]]
+#: A problem, its optimum, and why the rest is dropped.
+Tried = tuple[Problem, "Optimum", dict[str, str]]
 
 
 def prove_combinations(
@@ -501,7 +501,7 @@ def step_back(
 
     def proved(room: float, known: AllFound) -> tuple[FloatArray, AllFound] | None:
         less, other, also = tuned(room)
-        if other is None or other.sizes is None or also != dropped:
+        if other.sizes is None or also != dropped:
             return None
         sizes = round_sizes(less, other.sizes)
         return sizes, prove_combinations(problem, sizes, known)
@@ -561,7 +561,7 @@ def soften(
     def proved(lost: float) -> tuple[FloatArray, AllFound] | None:
         most = {u.label: u.rounded_at(steps - min(lost, spare)) for u, steps, spare in springs}
         less, other, also = tuned(0.0, most)
-        if other is None or other.sizes is None or also != dropped:
+        if other.sizes is None or also != dropped:
             return None
         sizes = round_sizes(less, other.sizes)
         found = prove_combinations(problem, sizes, best and best[1], _SURE)

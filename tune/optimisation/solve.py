@@ -150,7 +150,7 @@ def _solved(
     problem, optimum, dropped = tuned(0.0)
     left_out = dropped  # so it stays: nothing is chosen anew
     nothing = Solution(problem=problem, sizes=np.empty(0), dropped=dropped, method="none")
-    if optimum is None or optimum.sizes is None:
+    if optimum.sizes is None:
         return nothing
     linear = sizes = round_sizes(problem, optimum.sizes)
     for u, size in zip(problem.unknowns, linear.tolist(), strict=True):
@@ -158,7 +158,7 @@ def _solved(
             kept[u.label] = u.rounded_at(task.parts[u.element] * u.steps(size))
     if kept:
         less, other, also = tuned(0.0)
-        if other is not None and other.sizes is not None and also == dropped:
+        if other.sizes is not None and also == dropped:
             sizes = round_sizes(less, other.sizes)
     found: AllFound = {}
     alone: dict[str, float] = {}
@@ -171,7 +171,7 @@ def _solved(
             bare, most_alone, _ = optimum_of(
                 task, elements, filters, cut=cut, second_opinion=False, choosing=False
             )
-            if most_alone is not None and most_alone.sizes is not None:
+            if most_alone.sizes is not None:
                 pairs = zip(bare.unknowns, most_alone.sizes.tolist(), strict=True)
                 alone = {u.label: size for u, size in pairs if u.effect == "stiffness"}
         # Of springs what they have alone, of dampers what linear limits leave them.
@@ -294,7 +294,7 @@ def optimum_of(
     own = {unknown.label for unknown in problem.unknowns if not unknown.settled}
     dropped |= {label: _NO_WALL for label in asked if label not in own and label not in dropped}
     if not own:
-        return problem, None, dropped
+        return problem, Optimum(sizes=None), dropped
     whole = len(dropped) == len(left)
     begin = known(problem) if whole and known is not None else ((), ())
     found = largest_product(problem, solvers, *begin)
@@ -324,13 +324,14 @@ def optimum_of(
             known=known,
             gone=dropped | broken,
         )
-    optima: list[tuple[Problem, Optimum | None]] = []
+    optima: list[tuple[Problem, Optimum]] = []
     for labels in sets:
         start, each = starts.get(labels), problem_without(before | (every - labels))
-        optima.append((each, None if start is None else largest_product(each, solvers, [start])))
-    chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1] and pair[1].sizes))
+        found = Optimum(sizes=None) if start is None else largest_product(each, solvers, [start])
+        optima.append((each, found))
+    chosen, optimum = max(optima, key=lambda pair: _products(pair[0], pair[1].sizes))
     beside: dict[str, float] = {}
-    if optimum is not None and optimum.sizes is not None:
+    if optimum.sizes is not None:
         names = (unknown.label for unknown in chosen.unknowns)
         beside = dict(zip(names, optimum.sizes.tolist(), strict=True))
     for label in [u.label for u in problem.unknowns if u.label in own and u.label not in beside]:
@@ -452,16 +453,11 @@ def worth_of(task: DesignTask, solutions: Sequence[Solution]) -> CutoffObjective
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuned:
-    """A group tuned with certain filters: the problem of what is kept, its optimum if any."""
+    """A group tuned with certain filters: the problem of what is kept, its optimum."""
 
     objective: CutoffObjective
     problem: Problem
-    optimum: Optimum | None
-
-    @property
-    def kept(self) -> bool:
-        """Whether anything is."""
-        return self.optimum is not None and self.optimum.sizes is not None
+    optimum: Optimum
 
 
 def tune_with_filters(
@@ -480,7 +476,7 @@ def tune_with_filters(
     """
 
     def known(problem: Problem) -> tuple[list[FloatArray], Sequence[Scenario]]:
-        if before is None or before.optimum is None or before.optimum.sizes is None:
+        if before is None or before.optimum.sizes is None:
             return [], ()
         sizes, labels = before.optimum.sizes, [u.label for u in before.problem.unknowns]
         if sizes.size < 2 or [u.label for u in problem.unknowns] != labels:
@@ -500,7 +496,7 @@ def tune_with_filters(
         choosing=choosing,
         gone=dict.fromkeys(gone, ""),
     )
-    sizes = np.empty(0) if optimum is None or optimum.sizes is None else optimum.sizes
+    sizes = np.empty(0) if optimum.sizes is None else optimum.sizes
     levels = [unknown.level for unknown in problem.unknowns] if sizes.size else []
     # A range that is missed costs more than all else that could be kept instead.
     wishes = {name: task.scene.elements[name].wishes() for name in elements}

@@ -155,11 +155,6 @@ class Mechanism:
     # mass, that of the grip and its stiffness at aliases, where they are known less well; else None
     aliased: tuple[Term, Term, Term] | None = None
 
-    @property
-    def free_and_rigid(self) -> bool:
-        """A mass on a damper, both perhaps of device and hand together, and nothing else."""
-        return not self.grounded and not self.modes and self.lag == 0.0
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Scaled:
@@ -462,6 +457,8 @@ def value_set(
     stiffness = sizes[0]
     plant = plant or sampled_plant(theta, mechanism)
     s = theta * 1j
+    # A mass on a damper, both perhaps of device and hand together, and nothing else.
+    plain = not (mechanism.grounded or mechanism.modes) and mechanism.lag == 0.0
     seen, denominator, whole = plant.numerator, plant.denominator, plant.whole
     rate = rate_of(theta, plant.half_sinc, mechanism.sample_time, setting, sizes)
     if setting.stiffness:
@@ -470,7 +467,7 @@ def value_set(
         law = s * rate
     else:
         varied = seen * rate
-        rising = real_lower_bound(varied) if mechanism.free_and_rigid else None
+        rising = real_lower_bound(varied) if plain else None
         # θ is out of both, and what is left of jθ turns them as it turns those with a spring.
         fixed = denominator * 1j
         return ValueSet(fixed=fixed, varied=varied * 1j, start=fixed, rising=rising)
@@ -478,7 +475,7 @@ def value_set(
     if mechanism.grounded:
         return ValueSet(fixed=whole, varied=varied, start=denominator)
     rising = None
-    if mechanism.free_and_rigid:
+    if plain:
         # N = (K + jθ·rate)·sinc·e^(-jφ)·(1 + jθ·D·aliases) with φ = θ(x + 1/2): the imaginary part
         # of what K is multiplied by is not below -φ - θ·|D·aliases|.
         late = modulus_bound(mechanism.delay + 0.5) + modulus_bound(whole) * modulus_bound(

@@ -138,11 +138,6 @@ class Mechanism:
     read: FloatArray
     speed: int
 
-    @property
-    def lagged(self) -> bool:
-        """Whether the last state is the force of the actuator."""
-        return len(self.drive) > 2 * self.speed
-
     @classmethod
     def of(cls, place: Corner) -> Mechanism:
         """A device without a hand, at one corner of its box."""
@@ -360,7 +355,7 @@ def _restitutions(
     gone = (np.linalg.matrix_power(loop.free, under_way) @ state)[: len(plant.drive)]
     motion = plant.motion[plant.speed]
     speed = gone[plant.speed] - motion[plant.speed] * (gone[0] + before)
-    if plant.lagged:
+    if len(plant.drive) > 2 * plant.speed:  # the last state is the force of the actuator
         speed -= motion[-1] / plant.motion[-1, -1] * gone[-1]
     return np.where(left, np.maximum(0.0, -speed), 0.0)
 

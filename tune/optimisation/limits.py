@@ -93,11 +93,6 @@ class Unknown:
         return self.scale.steps(self.sign * size)
 
     @property
-    def goal(self) -> float:
-        """Steps of a wanted value, which count as all there is to reach; 1 elsewhere."""
-        return self.steps(self.high) if self.wish.kind == "value" else 1.0
-
-    @property
     def ends_by(self) -> LimitedBy:
         """What its largest size comes from: the wish, or all that a device may be made to lose."""
         if self.sign < 0 and (self.wish.high is None or self.high < abs(self.wish.high)):

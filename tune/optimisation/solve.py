@@ -518,5 +518,7 @@ def value_of(task: DesignTask, problem: Problem, sizes: FloatArray) -> float:
     for u, size in zip(problem.unknowns, sizes.tolist(), strict=bool(sizes.size)):
         if not u.settled:
             weight = u.weight * _NEXT_RANK ** task.ranks.index(u.level)
-            value += weight * float(np.log(u.steps(size) / u.goal))
+            # Steps of a wanted value count as all there is to reach.
+            goal = u.steps(u.high) if u.wish.kind == "value" else 1.0
+            value += weight * float(np.log(u.steps(size) / goal))
     return value

@@ -79,11 +79,9 @@ def study(
     if workers % 1 or (workers < 1 and workers != -1):
         seen = f"{workers} do no work"
         raise UsageError("workers", seen, "Give 1 or more, or -1 for one a processor")
-    wishes = [
-        (name, *_scene_with_table(scene, table)) for name, scene in _named(scenes, _scene_name)
-    ]
+    wishes = [(name, *_scene_with_table(scene, table)) for name, scene in _named(scenes)]
     heads, items = list[Row](), list[tuple[Device | File, Scene, PerceptionTable]]()
-    for label, device in _named(devices, _device_name):
+    for label, device in _named(devices):
         for name, scene, chosen in wishes:
             for margin in margins or (scene.margin,):
                 heads.append({"device": label, "scene": name, "margin": margin})
@@ -98,19 +96,17 @@ def study(
     return frame_of(rows)
 
 
-def _named(given: Any, name_of: Callable[[Any], str]) -> list[tuple[str, Any]]:
+def _named(given: Any) -> list[tuple[str, Any]]:
     """What is to be studied, each with its name."""
+
+    def name_of(one: Device | Scene | File) -> str:
+        if isinstance(one, Device):
+            return one.serial or one.name
+        return one.name if isinstance(one, Scene) else str(one)
+
     if isinstance(given, str | Scene | Device) or not hasattr(given, "__iter__"):
         given = (given,)
     return [*(given.items() if isinstance(given, Mapping) else ((name_of(x), x) for x in given))]
-
-
-def _device_name(given: Device | File) -> str:
-    return given.serial or given.name if isinstance(given, Device) else str(given)
-
-
-def _scene_name(given: Scene | File) -> str:
-    return given.name if isinstance(given, Scene) else str(given)
 
 
 def _scene_with_table(

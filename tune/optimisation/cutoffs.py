@@ -351,12 +351,13 @@ class _Search:
 
         Where none do near them, on the line across. A velocity filter may have several hills.
         """
-        near = self._near(kind, filters, index)
+        point, step = self._place(filters), math.log(COARSE) / 3
+        self.kind = kind
+        near = [self._beside(point, index, count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
         hills = list(self._hills(self._line(near[0], index))) if index == 0 else []
         if hills:
             yield from hills
             return
-        step = math.log(COARSE) / 3
 
         def value(point: list[float]) -> float:
             objective = self._objective_of_all(point)
@@ -373,12 +374,6 @@ class _Search:
                 while value(further) > value(point) + _TIED:
                     point, further = further, self._beside(further, index, next(strides))
             yield self._filters(point)
-
-    def _near(self, kind: Filters, filters: Filters, index: int) -> list[list[float]]:
-        """Points of a kind along one axis from where others are, the nearest first."""
-        point, step = self._place(filters), math.log(COARSE) / 3
-        self.kind = kind
-        return [self._beside(point, index, count * step) for count in (0, -1, 1, -2, 2, -3, 3)]
 
     def _beside(self, point: list[float], index: int, way: float) -> list[float]:
         """A point so far along one axis, as far as there are filters."""

@@ -79,7 +79,11 @@ def study(
     if workers % 1 or (workers < 1 and workers != -1):
         seen = f"{workers} do no work"
         raise UsageError("workers", seen, "Give 1 or more, or -1 for one a processor")
-    wishes = [(name, *_scene_with_table(scene, table)) for name, scene in _named(scenes)]
+    wishes: list[tuple[str, Scene, PerceptionTable]] = []
+    for name, given in _named(scenes):
+        scene = given if isinstance(given, Scene) else load_scene(given)
+        beside = Path() if isinstance(given, Scene) else Path(given).parent
+        wishes.append((name, scene, table or perception_of(scene, beside)))
     heads, items = list[Row](), list[tuple[Device | File, Scene, PerceptionTable]]()
     for label, device in _named(devices):
         for name, scene, chosen in wishes:
@@ -107,14 +111,6 @@ def _named(given: Any) -> list[tuple[str, Any]]:
     if isinstance(given, str | Scene | Device) or not hasattr(given, "__iter__"):
         given = (given,)
     return [*(given.items() if isinstance(given, Mapping) else ((name_of(x), x) for x in given))]
-
-
-def _scene_with_table(
-    given: Scene | File, table: PerceptionTable | None
-) -> tuple[Scene, PerceptionTable]:
-    scene = given if isinstance(given, Scene) else load_scene(given)
-    beside = Path() if isinstance(given, Scene) else Path(given).parent
-    return scene, table or perception_of(scene, beside)
 
 
 def _studied(item: tuple[Device | File, Scene, PerceptionTable]) -> Row:

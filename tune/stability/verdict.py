@@ -85,7 +85,12 @@ def _crossings(
         [pad_coefficients(part, len(even[0])) for part in (even[0], odd[0], even[1], odd[1])], 1
     )
     both = both[:, :, None]
-    s = _gain_at(x, both)
+    value, _ = _values(both, x)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # From whichever of the even and the odd part says it best.
+        said = -value[:2] / value[2:]
+        by_even = np.abs(value[2:3]) >= np.abs(value[3:]) * np.sqrt(x)
+        s = np.where(by_even, said[:1], said[1:])[0]
     for _ in range(polishes):
         x, s = _newton(x, s, both)
     return x, s, roots
@@ -140,15 +145,6 @@ def _values(parts: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         value *= x
         value += row
     return value, slope
-
-
-def _gain_at(x: FloatArray, parts: FloatArray) -> FloatArray:
-    """s from whichever of the even and the odd part says it best."""
-    value, _ = _values(parts, x)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        said = -value[:2] / value[2:]
-        by_even = np.abs(value[2:3]) >= np.abs(value[3:]) * np.sqrt(x)
-        return np.where(by_even, said[:1], said[1:])[0]
 
 
 def _newton(x: FloatArray, s: FloatArray, parts: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -95,17 +95,14 @@ def decide(
     examine: Callable[[Cells], tuple[NDArray[np.bool_], FloatArray]],
     most_cells: int,
 ) -> Proof:
-    """Split cells until what is to hold does in every one, or the budget is spent.
-
-    `examine` tells of some cells what holds, shape (cells,), and how much each side moves it, shape
-    (sides, cells).
-    """
+    """Split cells until what is to hold does in every one, or the budget is spent."""
     widest = (waiting.high - waiting.low).max(axis=1, keepdims=True)
     seen = 0
     while len(waiting):
         cells = waiting.chosen(slice(-_BATCH, None))
         waiting = waiting.chosen(slice(None, -_BATCH))
         seen += len(cells)
+        # What holds, shape (cells,), and how much each side moves it, shape (sides, cells).
         holds, pull = examine(cells)
         open_ = cells.chosen(~holds)
         if not len(open_):
@@ -211,12 +208,10 @@ def prove(
     *,
     or_nothing: bool = False,
 ) -> Proof:
-    """Exclude crossings everywhere in a region, for several claims at once.
-
-    With others, all that lies between the setting and these is played; or_nothing: and between it
-    and nothing.
-    """
+    """Exclude crossings everywhere in a region, for several claims at once."""
     region = region.merged()
+    # With others, all that lies between the setting and these is played, and with nothing all
+    # between it and nothing.
     corners = [(each, each.sizes) for each in (setting, *others)]
     proof = decide(
         initial_cells(region, claims),

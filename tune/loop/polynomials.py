@@ -192,12 +192,10 @@ def split_into_quadratics(polynomial: Polynomial) -> tuple[Quadratic, ...]:
 def split_fractions(
     numerator: Polynomial, quadratics: Sequence[Quadratic]
 ) -> tuple[Polynomial, ...]:
-    """r0 + r1·s over each factor, adding up to numerator over the product of all.
-
-    The numerator is of lower degree than the product; no two factors have a common root.
-    """
+    """r0 + r1·s over each factor, adding up to numerator over the product of all."""
     shape = numerator.value.shape[1:]
     count = len(quadratics)
+    # The numerator is of lower degree than the product; no two factors have a common root.
     wanted = pad_coefficients(numerator.value, 2 * count).reshape(2 * count, -1)
     matrix = _jacobian(
         np.stack([q.b.reshape(-1) for q in quadratics]),

@@ -290,10 +290,8 @@ class Loops:
         )
 
     def end_alone(self, effect: EffectName, sign: int, *, late: bool) -> float:
-        """The size of one effect, felt alone, up to which it is stable; 0 or inf possible.
-
-        Its gain margin is this over its size, because a gain only scales it.
-        """
+        """The size of one effect, felt alone, up to which it is stable; 0 or inf possible."""
+        # The gain margin of a size is this over it, because a gain only scales it.
         which, loops = ("late", self.late) if late else ("present", self.present)
 
         def least_end() -> float:
@@ -306,15 +304,13 @@ class Loops:
     def quiet_alone(
         self, effect: EffectName, sign: int, *, resolution: float, limit: float, top: float
     ) -> float:
-        """The size of one effect, felt alone, up to which the ripple keeps to its limit, N rms.
-
-        Sizes up to the top are looked at; inf is the answer where all of them keep to it.
-        """
+        """The size of one effect, felt alone, up to which the ripple keeps to its limit, N rms."""
 
         def noise(size: float) -> float:
             effects = Effects(**{effect: sign * size})
             return float(self.ripple(effects, resolution))
 
+        # Sizes up to the top are looked at; inf is the answer where all of them keep to it.
         key = (effect, sign, f"ripple {resolution!r} {limit!r}", top)
         return self._kept(key, lambda: last_within(noise, limit, top))
 

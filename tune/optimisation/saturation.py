@@ -157,10 +157,8 @@ def _hermitian(left: ComplexArray, multiplier: ComplexArray, right: ComplexArray
 
 
 def _slopes(responses: Responses, parts: Nonlinearities, condition: _Condition) -> FloatArray:
-    """Rows that are zero where every clamp's multiplier has the slope of the first at θ = 0.
-
-    Where nothing holds the position, no others prove two clamps there. Shape (rows, unknowns).
-    """
+    """Rows that are zero where every clamp's multiplier has the slope of the first at θ = 0."""
+    # Where nothing holds the position, no others prove two clamps there. Shape (rows, unknowns).
     count = 1 if responses.grounded else len(parts.clamps)
     each = [parts.sizes[owner] / max(parts.sizes) * tap for owner, tap in condition.owners]
     own = condition.own.T

@@ -126,10 +126,7 @@ class Responses:
 
 
 def _grid(loop: Loop) -> FloatArray:
-    """Angles in (0, π] for each loop: in equal ratios, evenly, around each of its resonances.
-
-    Shape (points,) where none resonates, else (loops, points), ascending.
-    """
+    """Angles in (0, π] for each loop: in equal ratios, evenly, around each of its resonances."""
     denominator = loop.transfer.plant_denominator
     drop = 0 if loop.grounded else 1
     roots = companion_roots(denominator[drop:-1] / denominator[-1])
@@ -140,6 +137,7 @@ def _grid(loop: Loop) -> FloatArray:
     with np.errstate(all="ignore"):
         ratio = np.abs(roots.real) / size
     resonant = (ratio < _RESONANT) & (roots.imag > 0)
+    # Shape (points,) where none resonates, else (loops, points), ascending.
     shared = np.unique(np.concatenate(even))
     if not resonant.any():
         return shared[(shared >= least) & (shared <= np.pi)]

@@ -164,11 +164,7 @@ def _section(cells: list[Cell]) -> Section:
 
 
 def _measured(
-    situation: Situation,
-    samples: int,
-    entry: _Entry,
-    logs: list[Trajectory],
-    bound: FloatArray,
+    situation: Situation, samples: int, entry: _Entry, logs: list[Trajectory], bound: FloatArray
 ) -> Cell:
     found = answers(entry.method, logs, budget=_BUDGET, least=len(logs))
     if not found.values:

@@ -19,11 +19,7 @@ _FADED = 1e-18
 _GROWN = 1e60
 
 
-def force_ripple(
-    loops: Loops,
-    totals: FloatArray,
-    resolution: float,
-) -> FloatArray:
+def force_ripple(loops: Loops, totals: FloatArray, resolution: float) -> FloatArray:
     """Force of readings that are wrong by white noise of Δ²/12, N rms, shape (combinations,).
 
     The law and the device are stepped as they are written; without a spring the place itself is no

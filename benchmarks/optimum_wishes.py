@@ -205,11 +205,7 @@ def wanted_of(
     """What an element asks for; nothing is taken away beyond a gain margin of what is there."""
     box = device.simultaneous_box()
     masked = max(device.coulomb_friction.value, NOTICED)
-    references = (
-        masked / MOTION[0],
-        device.damping.value,
-        device.mass.value,
-    )
+    references = (masked / MOTION[0], device.damping.value, device.mass.value)
     felt = (1.0, *(felt_share(device, hz, power) for power, hz in enumerate(filters_hz, start=1)))
     there = (0.0, box.damping[0], box.mass[0])
     for effect, word in enumerate(EFFECTS):

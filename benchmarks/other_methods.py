@@ -110,8 +110,4 @@ def _sign(values: FloatArray) -> FloatArray:
     return np.sign(values)
 
 
-OTHERS = {
-    "finite differences": finite_differences,
-    "ARX": arx,
-    "pysindy": pysindy_fit,
-}
+OTHERS = {"finite differences": finite_differences, "ARX": arx, "pysindy": pysindy_fit}

@@ -165,10 +165,7 @@ def _truth(case: _Case) -> float:
 
 def _proved(case: _Case, gain: float) -> bool:
     region = Region(
-        mass=case.mass,
-        damping=case.damping,
-        sample_time=(_STEP, _STEP),
-        delay=(_STEP, _STEP),
+        mass=case.mass, damping=case.damping, sample_time=(_STEP, _STEP), delay=(_STEP, _STEP)
     )
     setting = Setting(
         stiffness=case.stiffness,

@@ -121,9 +121,7 @@ def _arrays() -> Iterator[Row]:
         damping=rng.uniform(0, 100, _PLAYED),
         mass=rng.uniform(0, 5, _PLAYED),
     )
-    few = Effects(
-        **{name: each[: _PLAYED // 20] for name, each in _named(effects).items()},
-    )
+    few = Effects(**{name: each[: _PLAYED // 20] for name, each in _named(effects).items()})
     asked: dict[str, tuple[Callable[[Loop], object], int]] = {
         "is_stable": (lambda loop: is_stable(loop, effects), _PLAYED),
         "gain_interval": (lambda loop: gain_interval(loop, few), _PLAYED // 20),

@@ -44,17 +44,9 @@ class _Part:
 
 PARTS = (
     _Part(name="damping beside a spring", beside=case(DAMPED), without=case(WALL)),
-    _Part(
-        name="a velocity filter",
-        beside=case(DAMPED),
-        without=case(DAMPED, filters=PLAIN),
-    ),
+    _Part(name="a velocity filter", beside=case(DAMPED), without=case(DAMPED, filters=PLAIN)),
     _Part(name="mass and its filter beside K and B", beside=case(BLOCK), without=case(DAMPED)),
-    _Part(
-        name="a second element apart",
-        beside=case(PAIR),
-        without=case(DAMPED),
-    ),
+    _Part(name="a second element apart", beside=case(PAIR), without=case(DAMPED)),
     _Part(
         name="the two felt together",
         beside=case(PAIR, together=[["wall", "water"]]),
@@ -73,9 +65,7 @@ PARTS = (
     _Part(name="a delay interval", beside=case(DAMPED, device=_LATE), without=case(DAMPED)),
     _Part(name="a sample time interval", beside=case(DAMPED, device=_JITTER), without=case(DAMPED)),
     _Part(
-        name="an interval of the mass",
-        beside=case(DAMPED),
-        without=case(DAMPED, device=_WEIGHED),
+        name="an interval of the mass", beside=case(DAMPED), without=case(DAMPED, device=_WEIGHED)
     ),
     _Part(name="a force limit", beside=case(DAMPED), without=case(DAMPED, device=_NO_FORCE)),
     _Part(name="an encoder", beside=case(DAMPED), without=case(DAMPED, device=_NO_ENCODER)),

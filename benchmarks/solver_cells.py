@@ -27,12 +27,7 @@ _STARTS = 30
 #: Beyond a limit by less is on it, in log-sizes.
 _NOISE = 1e-12
 #: Solvers that haptune does not ask.
-PEERS = (
-    "scipy SLSQP",
-    "nlopt COBYLA",
-    "nlopt ISRES",
-    "scipy differential evolution",
-)
+PEERS = ("scipy SLSQP", "nlopt COBYLA", "nlopt ISRES", "scipy differential evolution")
 #: Repeats of a solver.
 _REPEATS = 5
 

@@ -11,40 +11,19 @@ if TYPE_CHECKING:  # what checkers of types take for true
     from typing import Any
 
     from tune.certificate.check import CheckReport, check
-    from tune.documents import (
-        CheckFailedError,
-        LoopError,
-        NoFeasibleEffectError,
-        TuneError,
-    )
-    from tune.documents.perception import (
-        PerceptionTable,
-        Scale,
-        default_table,
-    )
+    from tune.documents import CheckFailedError, LoopError, NoFeasibleEffectError, TuneError
+    from tune.documents.perception import PerceptionTable, Scale, default_table
     from tune.documents.profile import SafeProfile, load_profile
     from tune.documents.scene import Effects, Element, Scene, load_scene
     from tune.exporters import export
     from tune.judging import Audit, Change, Comparison, audit, compare
     from tune.loop.loop import Filters, Loop
-    from tune.margins import (
-        LoopMargins,
-        margins_of,
-    )
-    from tune.optimisation import (
-        Alternative,
-        candidates,
-        compare_candidates,
-        optimise,
-        what_if,
-    )
+    from tune.margins import LoopMargins, margins_of
+    from tune.optimisation import Alternative, candidates, compare_candidates, optimise, what_if
     from tune.optimisation.calibration import calibrate
     from tune.optimisation.study import study
     from tune.presentation.pictures import profile_picture, profile_sheet, region_picture
-    from tune.rendering import (
-        count_jump,
-        force_ripple,
-    )
+    from tune.rendering import count_jump, force_ripple
     from tune.stability.criterion import Passivity, damping_needed
     from tune.stability.verdict import (
         gain_interval,

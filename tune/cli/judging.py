@@ -206,11 +206,7 @@ def _audit_details(found: Audit) -> dict[str, object]:
     limit, box = design.device.force_limit, design.device.simultaneous_box()
     return {
         "safe": found.safe,
-        "box": {
-            "mass": box.mass,
-            "damping": box.damping,
-            "from_logs": bool(design.device.logs),
-        },
+        "box": {"mass": box.mass, "damping": box.damping, "from_logs": bool(design.device.logs)},
         "loop": design.loop,
         "needed": {
             "gain_margin": design.margin.gain,

@@ -336,8 +336,7 @@ def export_command(
         list[str], Option(metavar="TARGET", help="ros2, c, chai3d, json; several with commas.")
     ],
     output: Annotated[
-        Path,
-        Option("-o", "--output", metavar="FOLDER", help="For the files; made if it is new."),
+        Path, Option("-o", "--output", metavar="FOLDER", help="For the files; made if it is new.")
     ] = Path(),
     node: Annotated[
         str | None,

@@ -39,13 +39,7 @@ from tune.exporters.law import (
     unit_of_force,
 )
 
-__all__ = [
-    "NOT_A_SAFETY_FUNCTION",
-    "TARGETS",
-    "Target",
-    "export",
-    "refuse_strange_node",
-]
+__all__ = ["NOT_A_SAFETY_FUNCTION", "TARGETS", "Target", "export", "refuse_strange_node"]
 
 Target = Literal["ros2", "c", "chai3d", "json"]
 TARGETS: tuple[Target, ...] = get_args(Target)

@@ -33,9 +33,7 @@ if TYPE_CHECKING:
 
 
 def report_html(
-    safe: SafeProfile,
-    found: Identification | None,
-    alternatives: tuple[Alternative, ...] | None,
+    safe: SafeProfile, found: Identification | None, alternatives: tuple[Alternative, ...] | None
 ) -> str:
     """The page of a profile that passed its check, every text escaped.
 

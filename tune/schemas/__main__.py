@@ -76,11 +76,7 @@ def _result_schema() -> dict[str, Any]:
         }
         for command, kind in DETAILS.items()
     ]
-    return {
-        **result,
-        "title": "result of a haptune command",
-        "$defs": definitions,
-    }
+    return {**result, "title": "result of a haptune command", "$defs": definitions}
 
 
 if __name__ == "__main__":

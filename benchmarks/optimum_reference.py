@@ -44,7 +44,7 @@ class Reference:
         scene: Scene,
         elements: Sequence[str],
         filters_hz: tuple[float | None, float | None],
-        gone: frozenset[str] = frozenset(),
+        gone: frozenset[str],
     ) -> None:
         self.gain, extra = MARGINS[scene.margin]
         box = device.simultaneous_box()
@@ -101,9 +101,9 @@ class Reference:
         """Steps of each effect."""
         return np.array([w.steps(float(s)) for w, s in zip(self.wanted, sizes, strict=True)])
 
-    def product(self, place: FloatArray, raised: Sequence[int]) -> float:
-        """The logarithm of the product of the steps of some."""
-        return float(np.sum(np.log(self.steps(np.exp(place))[list(raised)])))
+    def product(self, place: FloatArray) -> float:
+        """The logarithm of the product of the steps."""
+        return float(np.sum(np.log(self.steps(np.exp(place)))))
 
     def rows(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Limits in log-sizes, kept where not negative, with slopes (rows, unknowns).
@@ -171,11 +171,8 @@ class Reference:
 
     def alone(self, index: int) -> float:
         """The largest log-size of one effect without the others."""
-        if index not in self._ends:
-            self._ends[index] = self._end(index)
-        return self._ends[index]
-
-    def _end(self, index: int) -> float:
+        if index in self._ends:
+            return self._ends[index]
         place = self.low - _NOWHERE
         place[index] = min(self.high[index], np.log(self.wanted[index].reference))
         for _ in range(60):
@@ -183,7 +180,8 @@ class Reference:
             place[index] += spare
             if abs(spare) < 1e-12:
                 break
-        return float(place[index])
+        self._ends[index] = float(place[index])
+        return self._ends[index]
 
 
 def _corners(device: Device, hand: Hand | str, extra: int) -> Iterator[Corner]:

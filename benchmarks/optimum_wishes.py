@@ -52,18 +52,12 @@ class Wanted:
     reference: float
     unit: float
     corner: float
-    level: int
     given: bool = False
 
     @property
     def label(self) -> str:
         """Element and effect."""
         return f"{self.element}.{EFFECTS[self.effect]}"
-
-    @property
-    def promised(self) -> bool:
-        """Whether a range has to be met."""
-        return self.low > self.at(_LEAST) * (1 + 1e-9)
 
     def at(self, steps: float) -> float:
         """The size of so many steps."""
@@ -227,7 +221,6 @@ def wanted_of(
             reference=reference,
             unit=unit,
             corner=corner_of(effect, element) / felt[effect],
-            level=0 if wish.kind == "value" else element.priority,
             given=wish.kind == "value",
         )
         yield replace(one, low=max(one.at(_LEAST), (wish.kind == "range" and wish.low) or 0.0))

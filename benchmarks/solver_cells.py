@@ -60,7 +60,7 @@ class Posed:
     def gap(self, place: FloatArray) -> float:
         """By how much the logarithm of the product stays behind, moved to what is allowed."""
         place = self.reference.onto(np.clip(place, self.reference.low, self.reference.high))
-        return self.best - self.reference.product(place, range(self.reference.count))
+        return self.best - self.reference.product(place)
 
     def answer(self, case: str, method: str, seconds: float, place: FloatArray | None) -> Cell:
         """The gap, and how far beyond what is allowed the proposal was, in log-sizes."""
@@ -107,13 +107,7 @@ def posed_of(chosen: Case, starts: int = _STARTS) -> Posed:
         chosen.device, chosen.scene, list(chosen.scene.elements), filters, frozenset(solved.dropped)
     )
     best, place = highest(
-        reference,
-        list(range(reference.count)),
-        reference.low,
-        reference.high,
-        known=np.log(solved.sizes),
-        starts=starts,
-        rng=np.random.default_rng(0),
+        reference, known=np.log(solved.sizes), starts=starts, rng=np.random.default_rng(0)
     )
     return Posed(problem=solved.problem, reference=reference, best=best, sizes=np.exp(place))
 

@@ -85,7 +85,7 @@ def write(section: Any, folder: Path, seconds: float) -> None:
     kept["parts"][section.name] = {
         **about,
         "cells": [asdict(cell) for cell in section.cells],
-        "rows": [row.as_json() for row in section.rows],
+        "rows": [asdict(row) for row in section.rows],
         "ratios": section.ratios,
     }
     results.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

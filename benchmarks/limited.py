@@ -21,19 +21,12 @@ _BUSY = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answers:
-    """What came back.
+    """What came back."""
 
-    Attributes:
-        values: one an argument, of those that were reached.
-        seconds: of each.
-        trouble: how the method ended, where it did not answer.
-        megabytes: by which the most memory used grew.
-    """
-
-    values: tuple[Any, ...]
-    seconds: tuple[float, ...]
-    trouble: str
-    megabytes: float
+    values: tuple[Any, ...]  # one an argument, of those that were reached
+    seconds: tuple[float, ...]  # of each
+    trouble: str  # how the method ended, where it did not answer
+    megabytes: float  # by which the most memory used grew
 
 
 def answers(
@@ -48,14 +41,8 @@ def answers(
 
     The process is a copy of this one: arguments are not sent, libraries are warm. The first
     argument is answered twice where there is time, and its second time is kept: imports,
-    compilation and caches are no property of a method. Times are of the processor.
-
-    Args:
-        method: takes one argument; what it gives can be pickled.
-        arguments: at least one.
-        budget: no argument is begun after so long, s, once there are ``least`` answers.
-        least: answers wanted where ``longest`` allows it.
-        longest: the process is ended then, s.
+    compilation and caches are no property of a method. Times are of the processor. After the budget
+    no argument is begun once there are ``least`` answers; after the longest, s, the process ends.
     """
     context: Any = multiprocessing.get_context("fork")
     here, there = context.Pipe(duplex=False)

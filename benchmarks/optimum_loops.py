@@ -50,28 +50,19 @@ class Corner:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossings:
-    """Where loops L of (combination, corner) are real and negative on the circle.
+    """Where loops L of (combination, corner) are real and negative on the circle."""
 
-    Attributes:
-        combination: index, shape (count,).
-        corner: index.
-        gain: at which the loop is on the boundary there.
-        slopes: of log gain by (K, B, M), shape (3, count).
-    """
-
-    combination: IntArray
-    corner: IntArray
-    gain: FloatArray
-    slopes: FloatArray
+    combination: IntArray  # index, shape (count,)
+    corner: IntArray  # index
+    gain: FloatArray  # at which the loop is on the boundary there
+    slopes: FloatArray  # of log gain by (K, B, M), shape (3, count)
 
 
 class Loops:
-    """Responses of K, B and M through corners, under one law.
+    """Responses of K, B and M through corners of the region, under one law.
 
-    Args:
-        corners: of the region.
-        filters_hz: (velocity, acceleration), None for the plain difference; first order, and the
-            same twice.
+    Filters of velocity and acceleration, Hz, None for the plain difference, are of first order and
+    the same twice.
     """
 
     def __init__(

@@ -23,12 +23,8 @@ def force_ripple(loops: Loops, totals: FloatArray, resolution: float) -> FloatAr
     """Force of readings that are wrong by white noise of Δ²/12, N rms, shape (combinations,).
 
     The law and the device are stepped as they are written; without a spring the place itself is no
-    state, because nothing answers to it.
-
-    Args:
-        loops: of one corner without a hand.
-        totals: (combinations, 3) in (K, B, M).
-        resolution: Δ of the encoder.
+    state, because nothing answers to it. Loops are of one corner without a hand; totals are (K, B,
+    M) of shape (combinations, 3), the resolution is Δ.
     """
     springs = totals[:, 0] != 0
     found = np.zeros(len(totals))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from statistics import median, quantiles
 
 #: Repeats of one timing end after this long, s; the first call may take longer.
@@ -17,35 +17,23 @@ _LONG_ENOUGH = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Times the processor worked on one call, s.
+    """Times the processor worked on one call, s."""
 
-    Attributes:
-        first: of the first call, with whatever it builds and keeps.
-        middle: median of the calls after it.
-        spread: quartiles of those.
-    """
-
-    first: float
-    middle: float
-    spread: tuple[float, float]
+    first: float  # of the first call, with whatever it builds and keeps
+    middle: float  # median of the calls after it
+    spread: tuple[float, float]  # quartiles of those
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What was timed, how long one unit took (s), its error, and what it is compared with.
-
-    Attributes:
-        seconds: least or, with a spread, median.
-        spread: quartiles, s.
-        first: of the first call, s.
-    """
+    """What was timed, how long one unit took (s), its error, and what it is compared with."""
 
     what: str
-    seconds: float
+    seconds: float  # least or, with a spread, median
     error: str
     against: str = ""
-    spread: tuple[float, float] | None = None
-    first: float | None = None
+    spread: tuple[float, float] | None = None  # quartiles, s
+    first: float | None = None  # of the first call, s
 
     @classmethod
     def of(cls, what: str, timing: Timing, error: str, against: str = "") -> Row:
@@ -67,10 +55,6 @@ class Row:
         if self.first is not None:
             text += f", first {with_unit(self.first)}"
         return text
-
-    def as_json(self) -> dict[str, object]:
-        """Plain types for the JSON file."""
-        return asdict(self)
 
 
 def with_unit(seconds: float) -> str:

@@ -14,27 +14,16 @@ _ALIKE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """One method on one case.
+    """One method on one case."""
 
-    Attributes:
-        case: what is asked.
-        method: who answers.
-        ours: haptune does.
-        seconds: of one answer; None where there is none.
-        error: as the section says; None where there is no answer.
-        interval: 95 % of the error, where it scatters over seeds.
-        note: what else is known, or why there is no answer.
-        unsafe: the answer lets through what is unstable; it is drawn, and at no front.
-    """
-
-    case: str
-    method: str
-    ours: bool = False
-    seconds: float | None = None
-    error: float | None = None
-    interval: tuple[float, float] | None = None
-    note: str = ""
-    unsafe: bool = False
+    case: str  # what is asked
+    method: str  # who answers
+    ours: bool = False  # haptune does
+    seconds: float | None = None  # of one answer; None where there is none
+    error: float | None = None  # as the section says; None where there is no answer
+    interval: tuple[float, float] | None = None  # 95 % of the error, where it scatters over seeds
+    note: str = ""  # what else is known, or why there is no answer
+    unsafe: bool = False  # it lets through what is unstable: it is drawn, and at no front
 
     @property
     def answered(self) -> bool:
@@ -50,31 +39,20 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A page.
+    """A page."""
 
-    Attributes:
-        name: of the file.
-        title: of the page.
-        text: what is measured and how to read it, Markdown.
-        cells: for the picture of error against time.
-        error: what the errors are, for the axis.
-        floor: smaller errors are drawn there.
-        reasons: of a method of ours: why a peer may be ahead of it.
-        rows: further lines, without a picture.
-        ratios: by name; smaller is better. They are kept and compared.
-        shown: cases of a second, smaller picture.
-    """
-
-    name: str
+    name: str  # of the file
     title: str
-    text: str
-    cells: tuple[Cell, ...] = ()
-    error: str = "error"
-    floor: float = 1e-16
+    text: str  # what is measured and how to read it, Markdown
+    cells: tuple[Cell, ...] = ()  # for the picture of error against time
+    error: str = "error"  # what the errors are, for the axis
+    floor: float = 1e-16  # smaller errors are drawn there
+    #: of a method of ours: why a peer may be ahead of it
     reasons: dict[str, str] = field(default_factory=dict[str, str])
-    rows: tuple[Row, ...] = ()
+    rows: tuple[Row, ...] = ()  # further lines, without a picture
+    #: by name; smaller is better. They are kept and compared.
     ratios: dict[str, float] = field(default_factory=dict[str, float])
-    shown: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()  # cases of a second, smaller picture
 
     @property
     def cases(self) -> list[str]:

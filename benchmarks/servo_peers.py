@@ -30,12 +30,7 @@ def one_filter(trajectory: Trajectory, delay: float, cut_off: float) -> FloatArr
     """Least squares on central differences, one zero-phase Butterworth on both sides.
 
     What robotics does (Gautier, Janot, Vandanjon, IEEE Transactions on Control Systems Technology
-    21, 2013, p. 428).
-
-    Args:
-        trajectory: the log.
-        delay: s.
-        cut_off: Hz.
+    21, 2013, p. 428); the cut-off is in Hz.
     """
     step = trajectory.sample_time
     velocity = np.gradient(trajectory.position, step)

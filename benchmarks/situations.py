@@ -32,21 +32,13 @@ _NUDGE = 1e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
-    """What disturbs a log.
-
-    Attributes:
-        name: short.
-        servo: a servo follows the path; else the force is played in open loop.
-        noise: standard deviation of a reading, m.
-        count: of the encoder, m; 0 leaves readings as they are.
-        push: standard deviation of a force that no log knows, held one sample, N.
-    """
+    """What disturbs a log."""
 
     name: str
-    servo: bool
-    noise: float
-    count: float = 0.0
-    push: float = 0.0
+    servo: bool  # a servo follows the path; else the force is played in open loop
+    noise: float  # standard deviation of a reading, m
+    count: float = 0.0  # of the encoder, m; 0 leaves readings as they are
+    push: float = 0.0  # standard deviation of a force that no log knows, held one sample, N
 
 
 SITUATIONS = (
@@ -200,7 +192,6 @@ def _followed(
     added[:, 2], added[:, 3], added[:, 4] = (1 - pole) / STEP * wanted, wanted, fresh * wanted
     states = np.empty((path.size, 5))
     state = np.array([path[0], 0.0, 0.0, 0.0, OFFSET])
-    state[3] = 0.0
     for k in range(path.size):
         states[k] = state
         state = step @ state + added[k]

@@ -45,17 +45,12 @@ CASES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Posed:
-    """A case with its problem, and the best that independent searches know.
-
-    Attributes:
-        best: logarithm of the product of steps.
-        sizes: there, of log-sizes.
-    """
+    """A case with its problem, and the best that independent searches know."""
 
     problem: Problem
     reference: Reference
-    best: float
-    sizes: FloatArray
+    best: float  # logarithm of the product of steps
+    sizes: FloatArray  # there
 
     def gap(self, place: FloatArray) -> float:
         """By how much the logarithm of the product stays behind, moved to what is allowed."""

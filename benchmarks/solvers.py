@@ -25,17 +25,11 @@ _UNREACHABLE = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """Raise the product of steps: the same rows, slopes and start for every solver.
+    """Raise the product of steps: the same rows, slopes and start for every solver."""
 
-    Attributes:
-        program: with the corners that bind.
-        rank: all effects, between their ends.
-        start: log-sizes, shape (unknowns,).
-    """
-
-    program: Program
-    rank: Rank
-    start: FloatArray
+    program: Program  # with the corners that bind
+    rank: Rank  # all effects, between their ends
+    start: FloatArray  # log-sizes, shape (unknowns,)
 
     def product(self, y: FloatArray) -> tuple[float, FloatArray]:
         """Of log-sizes: the logarithm of the product of steps, and its gradient."""

@@ -17,8 +17,6 @@ _TURNS = 11
 #: The libraries that all of the work needs, and those of one spring.
 _LIBRARIES = "import numpy, casadi, scipy.optimize"
 _FEW = "import numpy, flint, typer"
-#: Keeps Python from storing what it compiled.
-_UNCOMPILED = ("PYTHONDONTWRITEBYTECODE",)
 _RUN = "from tune.cli import main; main()"
 
 _TEXT = """\
@@ -45,12 +43,11 @@ def measure() -> Section:
     rows: list[Row] = []
     for each, (_, base) in commands.items():
         low, _, high = quantiles(times[each], n=4, method="inclusive")
-        row = Row(what=each, seconds=middle[each], spread=(low, high), error="")
+        words = ""
         if base:
-            ratios[f"{each} over {base}"] = middle[each] / middle[base]
-            words = f"{middle[each] / middle[base]:.2f} times {base}"
-            row = Row(what=each, seconds=middle[each], spread=(low, high), error=words)
-        rows.append(row)
+            ratios[f"{each} over {base}"] = ratio = middle[each] / middle[base]
+            words = f"{ratio:.2f} times {base}"
+        rows.append(Row(what=each, seconds=middle[each], spread=(low, high), error=words))
     return Section(
         name="commands",
         title="Commands: multiples of the imports",
@@ -73,21 +70,17 @@ def _prepared(folder: Path) -> dict[str, tuple[list[str], str]]:
     identify = _haptune("identify", log, *stated, "-o", "device.yaml")
     for command in (calibrate, identify):
         _seconds(command, folder)
+    demo = _haptune("tune", "device.yaml", "scene.yaml", "-o", "tuned.yaml")
+    one = _haptune("tune", "homerehab", "spring.yaml", "-o", "spring-profile.yaml")
     imports, few = "import", "import of one spring"
     return {
         imports: ([sys.executable, "-c", _LIBRARIES], ""),
         few: ([sys.executable, "-c", _FEW], ""),
         "calibrate": (calibrate, imports),
-        "tune, scene of the demo": (
-            _haptune("tune", "device.yaml", "scene.yaml", "-o", "tuned.yaml"),
-            imports,
-        ),
+        "tune, scene of the demo": (demo, imports),
         "identify": (identify, imports),
         "check": (_haptune("check", "profile.yaml"), imports),
-        "tune, one spring": (
-            _haptune("tune", "homerehab", "spring.yaml", "-o", "spring-profile.yaml"),
-            few,
-        ),
+        "tune, one spring": (one, few),
     }
 
 
@@ -99,7 +92,7 @@ def _seconds(command: list[str], folder: Path) -> float:
     """Time of the processor of one process and its children."""
     before = os.times()
     # Compiled once and kept, as an installation is.
-    kept = {name: value for name, value in os.environ.items() if name not in _UNCOMPILED}
+    kept = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
     done = subprocess.run(  # noqa: S603
         command, cwd=folder, env=kept, capture_output=True, text=True, check=False
     )

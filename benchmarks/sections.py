@@ -51,14 +51,23 @@ _TUNING_REASONS = {
     "IPOPT": "a general interior-point method; asked beside SLSQP because it fails elsewhere.",
     "nlopt SLSQP": "same method, same slopes; the last digits differ.",
 }
+#: Title, text and modules of the parts that have no picture.
+_OF_ROWS = {
+    "steps": ("Tuning: its steps apart", _STEPS, ("tuning_rows",)),
+    "scene": ("Scenes: what each part costs", _SCENE, ("scene_rows",)),
+    "scaling": ("Scaling: many elements and devices", _SCALING, ("scaling_rows",)),
+    "memory": ("Memory: long logs", _MEMORY, ("reading_rows", "speed_rows")),
+}
 
 
 def measured(part: str) -> Section:
     """Measure one part."""
     if part == "tuning":
         return _tuning()
-    if part in {"steps", "scene", "scaling", "memory"}:
-        return _rows(part)
+    if part in _OF_ROWS:
+        title, text, modules = _OF_ROWS[part]
+        rows = (row for each in modules for row in import_module(f"benchmarks.{each}").rows())
+        return Section(name=part, title=title, text=text, rows=tuple(rows))
     return import_module(f"benchmarks.{part}_section").measure()
 
 
@@ -82,31 +91,4 @@ def _tuning() -> Section:
         floor=1e-12,
         reasons=_TUNING_REASONS,
         ratios=ratios,
-    )
-
-
-def _rows(part: str) -> Section:
-    if part == "steps":
-        from benchmarks.tuning_rows import rows
-
-        return Section(name=part, title="Tuning: its steps apart", text=_STEPS, rows=tuple(rows()))
-    if part == "scene":
-        from benchmarks.scene_rows import rows
-
-        return Section(
-            name=part, title="Scenes: what each part costs", text=_SCENE, rows=tuple(rows())
-        )
-    if part == "scaling":
-        from benchmarks.scaling_rows import rows
-
-        return Section(
-            name=part, title="Scaling: many elements and devices", text=_SCALING, rows=tuple(rows())
-        )
-    from benchmarks import reading_rows, speed_rows
-
-    return Section(
-        name=part,
-        title="Memory: long logs",
-        text=_MEMORY,
-        rows=(*reading_rows.rows(), *speed_rows.rows()),
     )

@@ -18,17 +18,16 @@ from benchmarks.library_peers import (
     sippy_subspace,
 )
 from benchmarks.limited import LONGEST, answers
-from benchmarks.other_methods import arx, finite_differences, pysindy_fit
+from benchmarks.other_methods import OTHERS
 from benchmarks.section import Cell, Section
 from benchmarks.servo_peers import multiple_shooting, one_filter, output_error, srivc
-from benchmarks.situations import DELAY, SITUATIONS, TRUTH, Situation, bound_of, logs_of
-from identification import Hardware, Trajectory, identify, quantity
+from benchmarks.situations import DELAY, SITUATIONS, TRUTH, bound_of, logs_of
+from identification import Hardware, Method, Trajectory, identify, quantity
 from identification.estimators import ESTIMATORS
 from identification.estimators.estimate import Model
 from identification.fitting import PreparedLog
 
 FloatArray = NDArray[np.float64]
-Method = Callable[[Trajectory], FloatArray]
 
 #: Samples, situations and seeds.
 _LENGTHS = (
@@ -67,18 +66,15 @@ Time is of one log, the second time it is answered, in a process of its own that
 
 _REASONS = {
     "auto": "it is not told the model: it tries every estimator and tests for friction, delay, "
-    "structure "
-    "and whiteness before it believes one, and states intervals; a method that is told which "
-    "model and "
-    "which noise it has needs neither.",
+    "structure and whiteness before it believes one, and states intervals; a method that is told "
+    "which model and which noise it has needs neither.",
     "least-squares": "a method of filtered derivatives does not weigh the lines as white noise "
-    "of position "
-    "asks for; its place is where forces disturb, and the table of `auto` chooses among all.",
+    "of position asks for; its place is where forces disturb, and the table of `auto` chooses "
+    "among all.",
     "instruments": "filtered derivatives, as least-squares; exact for any noise, efficient for "
     "few.",
     "innovations": "it fits the sizes of two noises beside the model; where there is only one, "
-    "output error "
-    "needs less.",
+    "output error needs less.",
     "output-error": "the peer's model is of this very device (no friction, no direction, delay "
     "of whole samples), which the peer solves with fewer passes over the log; where forces "
     "disturb, methods that allow for them are more accurate.",
@@ -91,18 +87,20 @@ class _Entry:
     """A method, and whether it is ours."""
 
     name: str
-    method: Method
+    method: Callable[[Trajectory], FloatArray]
     ours: bool = False
 
 
 def _entries() -> Iterator[_Entry]:
     for name in ESTIMATORS:
-        yield _Entry(name=name, method=partial(_ours, name), ours=True)
-    yield _Entry(name="auto", method=_auto, ours=True)
-    yield _Entry(name="auto, delay unknown", method=_unknown, ours=True)
-    for hertz in (10.0, 20.0, 40.0):
-        yield _Entry(name=f"one filter, {hertz:g} Hz", method=partial(_one_filter, cut_off=hertz))
-    late: dict[str, Callable[[Trajectory, float], FloatArray]] = {
+        yield _Entry(name=name, method=partial(_ours, name=name), ours=True)
+    for name, delay in (("auto", DELAY), ("auto, delay unknown", None)):
+        yield _Entry(name=name, method=partial(identified, delay=delay), ours=True)
+    late: dict[str, Callable[..., FloatArray]] = {
+        f"one filter, {hertz:g} Hz": partial(one_filter, cut_off=hertz)
+        for hertz in (10.0, 20.0, 40.0)
+    }
+    late |= {
         "output error, recursion": output_error,
         "output error, lsim": lsim_output_error,
         "SRIVC": srivc,
@@ -113,14 +111,9 @@ def _entries() -> Iterator[_Entry]:
     if find_spec("nfoursid") is not None:
         late |= {"nfoursid": nfoursid_subspace}
     for name, method in late.items():
-        yield _Entry(name=name, method=_told_delay(method))
-    plain = {"pysindy": pysindy_fit, "ARX": arx, "finite differences": finite_differences}
-    for name, told in plain.items():
-        yield _Entry(name=name, method=partial(told, model=_MODEL, delay=DELAY))
-
-
-def _told_delay(method: Callable[[Trajectory, float], FloatArray]) -> Method:
-    return lambda log: method(log, DELAY)
+        yield _Entry(name=name, method=partial(method, delay=DELAY))
+    for name in ("pysindy", "ARX", "finite differences"):
+        yield _Entry(name=name, method=partial(OTHERS[name], model=_MODEL, delay=DELAY))
 
 
 def measure() -> Section:
@@ -133,19 +126,17 @@ def measure() -> Section:
             bound = bound_of(situation, logs[0])
             for entry in _entries():
                 key = (situation.name, entry.name)
+                case = f"{situation.name}, {samples} samples"
+                asked = Cell(case=case, method=entry.name, ours=entry.ours)
                 if key in hopeless:
-                    cells.append(_cell(situation, samples, entry, note=hopeless[key]))
+                    cells.append(replace(asked, note=hopeless[key]))
                     continue
-                cell = _measured(situation, samples, entry, logs, bound)
+                cell = _measured(asked, entry.method, logs, bound)
                 cells.append(cell)
                 if cell.seconds is None:
                     hopeless[key] = "not asked: did not finish a shorter log"
                 elif cell.seconds * _TIMES > _HOPELESS:
                     hopeless[key] = f"not asked: {cell.seconds:.1f} s for {samples} samples"
-    return _section(cells)
-
-
-def _section(cells: list[Cell]) -> Section:
     return Section(
         name="identification",
         title="Identification: error over the bound, against time",
@@ -164,20 +155,22 @@ def _section(cells: list[Cell]) -> Section:
 
 
 def _measured(
-    situation: Situation, samples: int, entry: _Entry, logs: list[Trajectory], bound: FloatArray
+    asked: Cell,
+    method: Callable[[Trajectory], FloatArray],
+    logs: list[Trajectory],
+    bound: FloatArray,
 ) -> Cell:
-    found = answers(entry.method, logs, budget=_BUDGET, least=len(logs))
+    """The cell of a method with its answers."""
+    found = answers(method, logs, budget=_BUDGET, least=len(logs))
     if not found.values:
-        return _cell(situation, samples, entry, note=found.trouble)
+        return replace(asked, note=found.trouble)
     values: FloatArray = np.array(found.values, dtype=np.float64)
     seconds = float(np.median(np.array(found.seconds, dtype=np.float64)))
     if not np.all(np.isfinite(values)):
-        return _cell(
-            situation, samples, entry, seconds=seconds, note="no mass: its model has no such pole"
-        )
+        return replace(asked, seconds=seconds, note="no mass: its model has no such pole")
     if len(values) < len(logs):
         note = f"{len(values)} of {len(logs)} seeds in {LONGEST:g} s"
-        return _cell(situation, samples, entry, seconds=seconds, note=note)
+        return replace(asked, seconds=seconds, note=note)
     parts = np.sqrt(np.mean(((values - TRUTH) / bound) ** 2, axis=0))
     note = f"m {parts[0]:.3g}, b {parts[1]:.3g} over {len(values)} seeds"
     note += f"; {found.megabytes:.0f} MB" if found.megabytes >= 1 else ""
@@ -187,27 +180,7 @@ def _measured(
     free = 2 * len(values)
     low, high = error * np.sqrt(free / chdtri(free, [0.025, 0.975]))
     interval = (float(low), float(high))
-    cell = _cell(situation, samples, entry, seconds=seconds, error=error, note=note)
-    return replace(cell, interval=interval)
-
-
-def _cell(
-    situation: Situation,
-    samples: int,
-    entry: _Entry,
-    *,
-    seconds: float | None = None,
-    error: float | None = None,
-    note: str = "",
-) -> Cell:
-    return Cell(
-        case=f"{situation.name}, {samples} samples",
-        method=entry.name,
-        ours=entry.ours,
-        seconds=seconds,
-        error=error,
-        note=note,
-    )
+    return replace(asked, seconds=seconds, error=error, interval=interval, note=note)
 
 
 def _ratios(cells: list[Cell]) -> dict[str, float]:
@@ -224,20 +197,13 @@ def _ratios(cells: list[Cell]) -> dict[str, float]:
     return ratios
 
 
-def _ours(name: str, log: Trajectory) -> FloatArray:
+def _ours(log: Trajectory, name: str) -> FloatArray:
     found = PreparedLog.of(log, _MODEL, quantity(DELAY)).fit(name)
     return np.array([found.value("mass"), found.value("damping")])
 
 
-def _auto(log: Trajectory) -> FloatArray:
-    device = identify(log, hardware=Hardware(delay=quantity(DELAY))).device
+def identified(log: Trajectory, delay: float | None, method: Method = "auto") -> FloatArray:
+    """Mass and damping, shape (2,), as `identify` finds them with a delay, s, or told of none."""
+    known = None if delay is None else Hardware(delay=quantity(delay))
+    device = identify(log, hardware=known, method=method).device
     return np.array([device.mass.value, device.damping.value])
-
-
-def _unknown(log: Trajectory) -> FloatArray:
-    device = identify(log).device
-    return np.array([device.mass.value, device.damping.value])
-
-
-def _one_filter(log: Trajectory, cut_off: float) -> FloatArray:
-    return one_filter(log, DELAY, cut_off)

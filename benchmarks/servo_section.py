@@ -6,20 +6,23 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.identification_section import identified
 from benchmarks.row import Row, best_seconds
 from benchmarks.section import Section
 from benchmarks.servo_peers import one_filter
 from datasets_synthetic import Servo, fit_to_limits, multisine, simulate
-from identification import Hardware, Trajectory, identify, quantity
+from identification import Trajectory
 from tests.simulated.families import FAMILIES
 from tests.simulated.family import Drive, Family
 
 FloatArray = NDArray[np.float64]
-Method = Callable[[Trajectory, float], FloatArray]
+#: Of a log and its delay, s, or None where that is not told.
+Method = Callable[[Trajectory, Any], FloatArray]
 
 #: Samples of a log, and how many logs.
 _LENGTHS = ((5_000, 200), (50_000, 40))
@@ -75,10 +78,10 @@ def measure() -> Section:
             errors, seconds = _measured(method, logs, truth, delay)
             best, quickest = np.minimum(best, _rms(errors)), min(quickest, seconds)
             rows.append(_row(f"one filter at {cut_off:g} Hz", log, errors, seconds))
-        least, seconds = _measured(_least_squares, logs, truth, delay)
+        least, seconds = _measured(partial(identified, method="least-squares"), logs, truth, delay)
         rows.append(_row("least squares, delay stated", log, least, seconds))
-        for name, method in (("stated", _stated), ("unknown", _unknown)):
-            errors, seconds = _measured(method, logs, truth, delay)
+        for name, known in (("stated", delay), ("unknown", None)):
+            errors, seconds = _measured(identified, logs, truth, known)
             ratio = _rms(errors) / best
             against = (
                 f"{seconds / quickest:.0f} times one filter; errors over those of its best single "
@@ -98,7 +101,7 @@ def measure() -> Section:
 
 
 def _measured(
-    method: Method, logs: list[Trajectory], truth: FloatArray, delay: float
+    method: Method, logs: list[Trajectory], truth: FloatArray, delay: float | None
 ) -> tuple[FloatArray, float]:
     """Relative errors of mass and damping, shape (seeds, 2), and the time of one log, s."""
     found = np.array([method(log, delay) for log in logs])
@@ -129,19 +132,3 @@ def _row(name: str, log: str, errors: FloatArray, seconds: float, against: str =
         error=f"rms over {len(errors)} seeds: m {mass:.1e}, b {damping:.1e}",
         against=against,
     )
-
-
-def _least_squares(log: Trajectory, delay: float) -> FloatArray:
-    device = identify(log, hardware=Hardware(delay=quantity(delay)), method="least-squares").device
-    return np.array([device.mass.value, device.damping.value])
-
-
-def _stated(log: Trajectory, delay: float) -> FloatArray:
-    device = identify(log, hardware=Hardware(delay=quantity(delay))).device
-    return np.array([device.mass.value, device.damping.value])
-
-
-def _unknown(log: Trajectory, delay: float) -> FloatArray:
-    del delay
-    device = identify(log).device
-    return np.array([device.mass.value, device.damping.value])

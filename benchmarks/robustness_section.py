@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -124,15 +124,13 @@ def _ratios(cells: list[Cell]) -> dict[str, float]:
 
 def _cell(case: _Case, truth: float, name: str, holds: Callable[[float], bool]) -> Cell:
     found = answers(partial(_bisected, holds), [_TOP * truth] * 3, budget=2.0)
-    ours = name == "certificate"
+    asked = Cell(case=case.name, method=name, ours=name == "certificate")
     if not found.values:
-        return Cell(case=case.name, method=name, ours=ours, note=found.trouble)
+        return replace(asked, note=found.trouble)
     off = found.values[0] / truth - 1
     side = "above: unstable devices pass" if off > 0 else "below"
-    return Cell(
-        case=case.name,
-        method=name,
-        ours=ours,
+    return replace(
+        asked,
         seconds=float(np.median(found.seconds)),
         error=abs(off),
         unsafe=off > 1e-9,
@@ -215,14 +213,7 @@ def _responses(case: _Case) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
 
 def _middle_holds(case: _Case, gain: float) -> bool:
     mass, damping = float(np.mean(case.mass)), float(np.mean(case.damping))
-    middle = _Case(
-        name=case.name,
-        mass=(mass, mass),
-        damping=(damping, damping),
-        stiffness=case.stiffness,
-        added=case.added,
-    )
-    return _sampled(middle, 1, gain)
+    return _sampled(replace(case, mass=(mass, mass), damping=(damping, damping)), 1, gain)
 
 
 def _small_gain(case: _Case, gain: float) -> bool:

@@ -8,6 +8,7 @@ from importlib.util import find_spec
 
 import numpy as np
 from flint import arb
+from numpy.typing import NDArray
 
 from benchmarks.row import Row, best_seconds
 from tests.reference import crossings, reference_loop, stable_by_jury
@@ -15,6 +16,8 @@ from tune.documents.scene import Effects
 from tune.loop.loop import Filters, Loop
 from tune.loop.plant import ModeNumbers
 from tune.stability.verdict import largest, verdict
+
+FloatArray = NDArray[np.float64]
 
 _POINTS = 1_000_000
 _FEW = 20_000
@@ -30,15 +33,8 @@ def rows() -> Iterator[Row]:
     effects = Effects(stiffness=alpha, damping=beta, mass=gamma)
     one = best_seconds(lambda: verdict(loop, effects)) / _POINTS
     few = Effects(stiffness=alpha[:_FEW], damping=beta[:_FEW], mass=gamma[:_FEW])
-    coefficients = loop.polynomial(few)[0]
-
-    def eigenvalues() -> np.ndarray:  # type: ignore[type-arg]
-        companion = np.zeros((_FEW, 4, 4))
-        companion[:, 0, :] = (-coefficients[3::-1] / coefficients[4]).T
-        companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
-        return np.linalg.eigvals(companion)
-
-    other = best_seconds(eigenvalues) / _FEW
+    falling = loop.polynomial(few)[0][::-1]
+    other = best_seconds(lambda: stacked_eigenvalues(falling)) / _FEW
     wrong, wrong_roots, count = _near_the_boundary()
     yield Row(
         what="verdict, million points, one δ",
@@ -97,18 +93,11 @@ def _degree_ten(rng: np.random.Generator) -> Iterator[Row]:
     effects = Effects(stiffness=K, damping=B, mass=M)
     ours = best_seconds(lambda: verdict(loop, effects), 3) / _POINTS
     few = Effects(stiffness=K[:_FEW], damping=B[:_FEW], mass=M[:_FEW])
-    coefficients = loop.polynomial(few)[0]
-    degree = loop.degree
-
-    def eigenvalues() -> np.ndarray:  # type: ignore[type-arg]
-        companion = np.zeros((_FEW, degree, degree))
-        companion[:, 0, :] = (-coefficients[-2::-1] / coefficients[-1]).T
-        companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-        return np.max(np.linalg.eigvals(companion).real, axis=1)
-
-    other = best_seconds(eigenvalues, 2) / _FEW
+    falling = loop.polynomial(few)[0][::-1]
+    other = best_seconds(lambda: stacked_eigenvalues(falling), 2) / _FEW
     answers = verdict(loop, few)
-    differ = int(np.sum((eigenvalues() < 0) != (answers > 0)))
+    inside = np.max(stacked_eigenvalues(falling).real, axis=1) < 0
+    differ = int(np.sum(inside != (answers > 0)))
     yield Row(
         what="verdict, million points, one loop of degree 10",
         seconds=ours,
@@ -151,6 +140,15 @@ def _degree_ten(rng: np.random.Generator) -> Iterator[Row]:
     )
 
 
+def stacked_eigenvalues(coefficients: FloatArray) -> NDArray[np.complex128]:
+    """Roots of polynomials, falling powers in shape (degree + 1, n), by companions; (n, degree)."""
+    degree = len(coefficients) - 1
+    companion = np.zeros((coefficients.shape[1], degree, degree))
+    companion[:, 0, :] = (-coefficients[1:] / coefficients[0]).T
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)
+
+
 def _near_the_boundary() -> tuple[int, int, int]:
     """(ours not right, z-plane float roots wrong, cases) at 1e-9 from the boundary."""
     rng = np.random.default_rng(1)
@@ -172,10 +170,10 @@ def _near_the_boundary() -> tuple[int, int, int]:
     return ours, theirs, cases
 
 
-def _printed(delta: float, alpha: float, beta: float, gamma: float) -> np.ndarray:  # type: ignore[type-arg]
+def _printed(delta: float, alpha: float, beta: float, gamma: float) -> FloatArray:
     """Equation (37) multiplied out in z with m = T = 1, as printed, in float64."""
     decay = np.exp(-delta)
     plant = np.array([decay - 1 + delta, 1 - (1 + delta) * decay])
     law = np.polyadd(np.polyadd([alpha, 0, 0], [beta, -beta, 0]), gamma * np.poly([1, 1]))
     open_loop = np.polymul([1, 0, 0], np.polymul([1, -1], [1, -decay])) * delta**2
-    return np.polyadd(open_loop, np.polymul(law, plant))
+    return np.asarray(np.polyadd(open_loop, np.polymul(law, plant)), dtype=np.float64)

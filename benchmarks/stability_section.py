@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.limited import answers
 from benchmarks.row import Row, best_seconds
 from benchmarks.section import Cell, Section
-from benchmarks.stability_rows import rows
+from benchmarks.stability_rows import rows, stacked_eigenvalues
 from tests.reference import crossings, reference_loop
 from tune.documents.scene import Effects
 from tune.loop.loop import Loop
@@ -41,8 +42,8 @@ and are drawn there.
 
 _REASONS = {
     "haptune, one δ": "one evaluation of a formula against a general answer with bounds on "
-    "rounding: the "
-    "printed formula is quicker, and nearer by a last digit at some δ, where it is right at all.",
+    "rounding: the printed formula is quicker, and nearer by a last digit at some δ, where it is "
+    "right at all.",
     "haptune, many δ at once": "the last digits differ.",
 }
 
@@ -51,25 +52,16 @@ def measure() -> Section:
     """Cells for every δ, rows near the boundary and of scale."""
     cells: list[Cell] = []
     methods = _methods()
-    for delta in _DELTAS:
-        truth = float(crossings(reference_loop(delta, 1.0, 0.0, 0.0))[0].mid())
-        for name, method in methods.items():
-            cells.append(_cell(delta, truth, name, method))
     many = np.repeat(_DELTAS, 10_000)
     loops = Loop.dimensionless(many)
     seconds = best_seconds(lambda: largest(loops, "stiffness"), 2) / many.size
-    found = np.asarray(largest(loops, "stiffness"))[::10_000]
-    for delta, value in zip(_DELTAS, found, strict=True):
+    at_once = np.asarray(largest(loops, "stiffness"))[::10_000]
+    for delta, value in zip(_DELTAS, at_once, strict=True):
         truth = float(crossings(reference_loop(delta, 1.0, 0.0, 0.0))[0].mid())
-        cells.append(
-            Cell(
-                case=_case(delta),
-                method="haptune, many δ at once",
-                ours=True,
-                seconds=seconds,
-                error=abs(float(value) / truth - 1),
-            )
-        )
+        for name, method in methods.items():
+            cells.append(_cell(delta, truth, name, method))
+        asked = Cell(case=f"δ = {delta:g}", method="haptune, many δ at once", ours=True)
+        cells.append(replace(asked, seconds=seconds, error=abs(float(value) / truth - 1)))
     further = tuple(rows())
     by = {row.what: row.seconds for row in further}
     return Section(
@@ -90,23 +82,15 @@ def measure() -> Section:
     )
 
 
-def _case(delta: float) -> str:
-    return f"δ = {delta:g}"
-
-
 def _cell(delta: float, truth: float, name: str, method: Method) -> Cell:
-    ours = name.startswith("haptune")
+    asked = Cell(case=f"δ = {delta:g}", method=name, ours=name.startswith("haptune"))
     found = answers(method, [delta], budget=4.0)
     if not found.values:
-        return Cell(case=_case(delta), method=name, ours=ours, note=found.trouble)
-    seconds = float(np.median(found.seconds))
-    value = float(found.values[-1])
+        return replace(asked, note=found.trouble)
+    seconds, value = float(np.median(found.seconds)), float(found.values[-1])
     if not np.isfinite(value):
-        return Cell(
-            case=_case(delta), method=name, ours=ours, seconds=seconds, note="no limit found"
-        )
-    error = abs(value / truth - 1)
-    return Cell(case=_case(delta), method=name, ours=ours, seconds=seconds, error=error)
+        return replace(asked, seconds=seconds, note="no limit found")
+    return replace(asked, seconds=seconds, error=abs(value / truth - 1))
 
 
 def _methods() -> dict[str, Method]:
@@ -146,17 +130,13 @@ def _bisected(delta: float, radius: Callable[[float, float], float]) -> float:
     """The first end of stability above zero: a scan, then bisection."""
     places = np.geomspace(delta * 1e-3, 1e3 + 1e3 * delta, _SCAN)
     stable = [radius(delta, float(place)) < 1 for place in places]
-    return _closed_in(places, stable, lambda alpha: radius(delta, alpha) < 1)
-
-
-def _closed_in(places: FloatArray, stable: list[bool], judge: Callable[[float], bool]) -> float:
     if not stable[0] or all(stable):
         return float("nan")
     index = stable.index(False)
     low, high = float(places[index - 1]), float(places[index])
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (middle, high) if judge(middle) else (low, middle)
+        low, high = (middle, high) if radius(delta, middle) < 1 else (low, middle)
     return low
 
 
@@ -165,20 +145,13 @@ def _stacked(delta: float) -> float:
     low, high = delta * 1e-3, 1e3 + 1e3 * delta
     for _ in range(12):
         places = np.geomspace(low, high, 64)
-        stable = _companion_radius(_polynomial(delta, places)) < 1
+        poles = stacked_eigenvalues(_polynomial(delta, places))
+        stable = np.max(np.abs(poles), axis=1) < 1
         if not stable[0] or stable.all():
             return float("nan")
         index = int(np.argmin(stable))
         low, high = float(places[index - 1]), float(places[index])
     return low
-
-
-def _companion_radius(coefficients: FloatArray) -> FloatArray:
-    degree = len(coefficients) - 1
-    companion = np.zeros((coefficients.shape[1], degree, degree))
-    companion[:, 0, :] = (-coefficients[1:] / coefficients[0]).T
-    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
-    return np.max(np.abs(np.linalg.eigvals(companion)), axis=1)
 
 
 def _control(delta: float) -> float:
@@ -197,27 +170,20 @@ def _control(delta: float) -> float:
         return _bisected(delta, radius)
 
 
-def _scale() -> list[Row]:
+def _scale() -> Iterator[Row]:
     """Verdicts of more and more points a chunk at a time, each count in a process of its own."""
-    made: list[Row] = []
     for count in _COUNTS:
-        found = answers(_many, [count], budget=60.0, longest=60.0)
+        found, what = answers(_many, [count], budget=60.0, longest=60.0), f"{count:.0e} points"
         if not found.values:
-            made.append(
-                Row(what=f"verdicts of {count:.0e} points", seconds=0.0, error=found.trouble)
-            )
+            yield Row(what=f"verdicts of {what}", seconds=0.0, error=found.trouble)
             continue
-        stable = found.values[0]
-        made.append(
-            Row(
-                what=f"verdicts of {count:.0e} points, drawing them included",
-                seconds=found.seconds[0],
-                error=f"{stable / count:.3%} stable",
-                against=f"memory grew by {found.megabytes:.0f} MB; "
-                f"{found.seconds[0] / count * 1e9:.0f} ns a point",
-            )
+        yield Row(
+            what=f"verdicts of {what}, drawing them included",
+            seconds=found.seconds[0],
+            error=f"{found.values[0] / count:.3%} stable",
+            against=f"memory grew by {found.megabytes:.0f} MB; "
+            f"{found.seconds[0] / count * 1e9:.0f} ns a point",
         )
-    return made
 
 
 def _many(count: int) -> int:

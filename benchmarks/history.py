@@ -21,8 +21,8 @@ def last_ratios(history: Path) -> dict[str, float]:
 
 def append(history: Path, date: str, machine: str, part: str, ratios: Mapping[str, float]) -> None:
     """One line more."""
-    line = {"date": date, "machine": machine, "part": part}
-    line["ratios"] = {name: float(f"{value:.4g}") for name, value in ratios.items()}  # type: ignore[assignment]
+    short = {name: float(f"{value:.4g}") for name, value in ratios.items()}
+    line = {"date": date, "machine": machine, "part": part, "ratios": short}
     with history.open("a", encoding="utf-8") as file:
         file.write(json.dumps(line, ensure_ascii=False) + "\n")
 

@@ -152,6 +152,7 @@ def felt_ends(
     Elements of wanted values alone are met as they are commanded.
     """
     found: list[Felt] = []
+    effects = np.array([one.effect for one in wanted])
     for frequency in (_SLOW, _FAST):
         felt = felt_of(device, filters_hz, np.array(frequency))
         mass, damping = felt.imag / (2 * np.pi * frequency), felt.real
@@ -161,19 +162,12 @@ def felt_ends(
                 (1, device.damping.value, damping),
                 (2, device.mass.value, mass),
             ):
-                mine = [one.sign * (one.element == name) for one in wanted]
+                mine = np.array([one.sign * float(one.element == name) for one in wanted])
                 step = _OF_A_STEP * np.log1p(weber_fraction(effect))
                 found += [
                     Felt(
-                        given=np.array(
-                            [m * parts[one.effect] for m, one in zip(mine, wanted, strict=True)]
-                        ),
-                        asked=np.array(
-                            [
-                                float(m * (one.effect == effect))
-                                for m, one in zip(mine, wanted, strict=True)
-                            ]
-                        ),
+                        given=mine * parts[effects],
+                        asked=mine * (effects == effect),
                         own=own,
                         corner=corner_of(effect, elements[name]),
                         step=sign * step,

@@ -116,12 +116,10 @@ def _arrays() -> Iterator[Row]:
     filters = Filters(
         velocity_filter_hz=50.0, acceleration_filter_hz=30.0, acceleration_filter_order=1
     )
-    effects = Effects(
-        stiffness=rng.uniform(0, 5e3, _PLAYED),
-        damping=rng.uniform(0, 100, _PLAYED),
-        mass=rng.uniform(0, 5, _PLAYED),
-    )
-    few = Effects(**{name: each[: _PLAYED // 20] for name, each in _named(effects).items()})
+    K, B, M = (rng.uniform(0, most, _PLAYED) for most in (5e3, 100, 5))
+    effects = Effects(stiffness=K, damping=B, mass=M)
+    some = slice(_PLAYED // 20)
+    few = Effects(stiffness=K[some], damping=B[some], mass=M[some])
     asked: dict[str, tuple[Callable[[Loop], object], int]] = {
         "is_stable": (lambda loop: is_stable(loop, effects), _PLAYED),
         "gain_interval": (lambda loop: gain_interval(loop, few), _PLAYED // 20),
@@ -141,11 +139,6 @@ def _arrays() -> Iterator[Row]:
                 seconds=best_seconds(partial(answer, loop), 3) / (_DEVICES * played),
                 error="as each alone, to the last digit",
             )
-
-
-def _named(effects: Effects) -> dict[str, np.ndarray]:  # type: ignore[type-arg]
-    names = ("stiffness", "damping", "mass")
-    return {name: np.asarray(getattr(effects, name)) for name in names}
 
 
 def _fleets() -> Iterator[Row]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from benchmarks.row import Row, timed_in_turn, with_unit
@@ -33,74 +33,45 @@ _GRIPS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Part:
-    """Something a scene may ask for or a device may have: with it and without."""
-
-    name: str
-    beside: Case
-    without: Case
-
-
-PARTS = (
-    _Part(name="damping beside a spring", beside=case(DAMPED), without=case(WALL)),
-    _Part(name="a velocity filter", beside=case(DAMPED), without=case(DAMPED, filters=PLAIN)),
-    _Part(name="mass and its filter beside K and B", beside=case(BLOCK), without=case(DAMPED)),
-    _Part(name="a second element apart", beside=case(PAIR), without=case(DAMPED)),
-    _Part(
-        name="the two felt together",
-        beside=case(PAIR, together=[["wall", "water"]]),
-        without=case(PAIR),
+#: What a scene may ask for or a device may have: with it and without.
+PARTS: dict[str, tuple[Case, Case]] = {
+    "damping beside a spring": (case(DAMPED), case(WALL)),
+    "a velocity filter": (case(DAMPED), case(DAMPED, filters=PLAIN)),
+    "mass and its filter beside K and B": (case(BLOCK), case(DAMPED)),
+    "a second element apart": (case(PAIR), case(DAMPED)),
+    "the two felt together": (case(PAIR, together=[["wall", "water"]]), case(PAIR)),
+    "a rank of its own for each of the two": (
+        case({**DAMPED, "water": {"damping": "max", "priority": 2}}, together=[["wall", "water"]]),
+        case(PAIR, together=[["wall", "water"]]),
     ),
-    _Part(
-        name="a rank of its own for each of the two",
-        beside=case(
-            {**DAMPED, "water": {"damping": "max", "priority": 2}}, together=[["wall", "water"]]
-        ),
-        without=case(PAIR, together=[["wall", "water"]]),
-    ),
-    _Part(name="a known hand", beside=case(DAMPED, hand=_HAND), without=case(DAMPED)),
-    _Part(name="any grip", beside=case(DAMPED, hand=_GRIPS), without=case(DAMPED, hand=_HAND)),
-    _Part(name="a mode", beside=case(DAMPED, device={"modes": (_MODE,)}), without=case(DAMPED)),
-    _Part(name="a delay interval", beside=case(DAMPED, device=_LATE), without=case(DAMPED)),
-    _Part(name="a sample time interval", beside=case(DAMPED, device=_JITTER), without=case(DAMPED)),
-    _Part(
-        name="an interval of the mass", beside=case(DAMPED), without=case(DAMPED, device=_WEIGHED)
-    ),
-    _Part(name="a force limit", beside=case(DAMPED), without=case(DAMPED, device=_NO_FORCE)),
-    _Part(name="an encoder", beside=case(DAMPED), without=case(DAMPED, device=_NO_ENCODER)),
-    _Part(name="an encoder, one spring", beside=case(WALL), without=case(WALL, device=_NO_ENCODER)),
-    _Part(
-        name="the wider margin",
-        beside=case(DAMPED, margin="conservative"),
-        without=case(DAMPED, margin="firm"),
-    ),
-)
+    "a known hand": (case(DAMPED, hand=_HAND), case(DAMPED)),
+    "any grip": (case(DAMPED, hand=_GRIPS), case(DAMPED, hand=_HAND)),
+    "a mode": (case(DAMPED, device={"modes": (_MODE,)}), case(DAMPED)),
+    "a delay interval": (case(DAMPED, device=_LATE), case(DAMPED)),
+    "a sample time interval": (case(DAMPED, device=_JITTER), case(DAMPED)),
+    "an interval of the mass": (case(DAMPED), case(DAMPED, device=_WEIGHED)),
+    "a force limit": (case(DAMPED), case(DAMPED, device=_NO_FORCE)),
+    "an encoder": (case(DAMPED), case(DAMPED, device=_NO_ENCODER)),
+    "an encoder, one spring": (case(WALL), case(WALL, device=_NO_ENCODER)),
+    "the wider margin": (case(DAMPED, margin="conservative"), case(DAMPED, margin="firm")),
+}
 
 
 def rows() -> Iterator[Row]:
     """Of each part: the proposal and the certificate, beside those without it."""
-    for part in PARTS:
-        cases = (part.beside, part.without)
-        tasks = [chosen.task() for chosen in cases]
-        both = list(zip(cases, tasks, strict=True))
-        solved = [proposal(chosen, task) for chosen, task in both]
-        designs = [
-            description(chosen, task, found)
-            for (chosen, task), found in zip(both, solved, strict=True)
-        ]
-        calls: dict[str, list[Callable[[], object]]] = {
-            "propose": [lambda c=chosen, j=task: proposal(c, j) for chosen, task in both],
-            "certify": [
-                certificate(chosen, task, found, design)
-                for (chosen, task), found, design in zip(both, solved, designs, strict=True)
-            ],
-        }
+    for part, cases in PARTS.items():
+        calls: dict[str, list[Callable[[], object]]] = {"propose": [], "certify": []}
+        for chosen in cases:
+            task = chosen.task()
+            solved = proposal(chosen, task)
+            design = description(chosen, task, solved)
+            calls["propose"].append(partial(proposal, chosen, task))
+            calls["certify"].append(certificate(chosen, task, solved, design))
         for what, pair in calls.items():
             beside, without = timed_in_turn(pair, 5)
             more = beside.middle - without.middle
             yield Row.of(
-                f"{what} with {part.name}",
+                f"{what} with {part}",
                 beside,
                 f"{'+' if more >= 0 else '-'}{with_unit(abs(more))}, "
                 f"{beside.middle / without.middle:.2g} times",

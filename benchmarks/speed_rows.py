@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 import numpy as np
 
@@ -23,8 +22,7 @@ def rows() -> Iterator[Row]:
         for samples, repeats in ((5_000, 5), (1_000_000, 2)):
             log = long_log(samples, uneven=uneven)
             kept: list[Estimate] = []
-            fit = partial(_keep, kept, partial(_fit, log))
-            seconds = best_seconds(fit, repeats)
+            seconds = best_seconds(lambda log=log, kept=kept: kept.append(_fit(log)), repeats)
             found = np.array([kept[-1].value("mass"), kept[-1].value("damping")])
             error = np.abs(found / (MASS, DAMPING) - 1)
             against = f"{seconds / even[samples]:.2g} times even stamps" if uneven else ""
@@ -42,7 +40,3 @@ def rows() -> Iterator[Row]:
 
 def _fit(log: Trajectory) -> Estimate:
     return PreparedLog.of(log, _MODEL, quantity(DELAY)).fit("output-error")
-
-
-def _keep(kept: list[Estimate], fit: partial[Estimate]) -> None:
-    kept.append(fit())

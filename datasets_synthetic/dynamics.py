@@ -104,20 +104,12 @@ class Mechanism:
         """Number of states: coordinates, their speeds and the actuator's force."""
         return 2 * self.coordinates + 1
 
-    def free(self) -> FloatArray:
-        """G of dz/dt = G·z with z = (q, q', Fa, F, F0, Fp), shape (batch, size, size)."""
-        return self._generator(first=0)
-
-    def held(self) -> FloatArray:
-        """The matrices of `free` while the rigid coordinate does not move, in the same shape."""
-        return self._generator(first=1)
-
     def holding(self) -> FloatArray:
         """Row L: L·z is the force that would have to hold the rigid coordinate, shape (batch, z).
 
         That is what pulls at it less what the other coordinates take up, with q0' = q0'' = 0.
         """
-        n, held = self.coordinates, self.held()
+        n, held = self.coordinates, self.generator(held=True)
         row = self._forces()[:, 0, :].copy()
         row -= np.einsum("bj,bjz->bz", self.mass[:, 0, :], held[:, n : 2 * n, :])
         return row
@@ -142,9 +134,12 @@ class Mechanism:
         rows[:, :, 2 * n + 3] = self.at_handle
         return rows
 
-    def _generator(self, first: int) -> FloatArray:
-        """G with the coordinates before ``first`` held in place."""
-        n, batch = self.coordinates, self.lag.size
+    def generator(self, *, held: bool) -> FloatArray:
+        """G of dz/dt = G·z with z = (q, q', Fa, F, F0, Fp), shape (batch, size, size).
+
+        With the rigid coordinate free or held in place.
+        """
+        n, batch, first = self.coordinates, self.lag.size, int(held)
         size = self.states + INPUTS
         law = np.zeros((batch, size, size))
         moving = range(first, n)
@@ -287,11 +282,11 @@ class FlexibleDynamics:
         self._mechanism = Mechanism.of(rig, hand, batch, damping=damping)
         self._directed = bool(np.any(uneven))
         self._turning = (friction > 0) | (uneven != 0)
-        self._generators = [forward.free()]
+        self._generators = [forward.generator(held=False)]
         if self._turning.any():
-            self._generators.append(forward.held())
+            self._generators.append(forward.generator(held=True))
         if self._directed:
-            self._generators.append(backward.free())
+            self._generators.append(backward.generator(held=False))
         self._rate = np.max([fastest(each) for each in self._generators], axis=0)
         turns = np.max(
             [np.abs(np.linalg.eigvals(each).imag).max(axis=-1) for each in self._generators], axis=0

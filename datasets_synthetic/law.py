@@ -405,19 +405,22 @@ class _Estimates:
     Members may differ in their sections.
     """
 
-    def __init__(
-        self,
-        velocity: tuple[FloatArray, FloatArray],
-        acceleration: tuple[FloatArray, FloatArray],
-        window: NDArray[np.int64],
-        observers: dict[int, Observer],
-        sample_time: FloatArray,
-    ) -> None:
-        """Sections (t, p) of both; window in samples, each shape (batch,)."""
-        self._t, self._p = (np.stack(pair) for pair in zip(velocity, acceleration, strict=True))
+    def __init__(self, controller: Controller, sample_time: FloatArray) -> None:
+        """Sample time in s, shape (batch,)."""
+        ratio = controller.filter_damping_ratio
+        self._observers: dict[int, Observer] = {}
+        sections: list[tuple[FloatArray, FloatArray]] = []
+        for power, which in ((1, "velocity"), (2, "acceleration")):
+            hertz = getattr(controller, f"{which}_filter_hz")
+            order = getattr(controller, f"{which}_filter_order")
+            if getattr(controller, f"{which}_filter") == "tracking" and np.all(np.isfinite(hertz)):
+                self._observers[power] = Observer(int(np.max(order)), hertz, ratio, sample_time)
+                hertz = np.inf
+            sections.append(_low_pass_poles(hertz, order, ratio, sample_time))
+        self._t, self._p = (np.stack(pair) for pair in zip(*sections, strict=True))
         self._fresh = 1 - self._t + self._p
+        window = per_member(controller.velocity_window_samples, sample_time.size).astype(np.int64)
         self._window = window if np.any(window > 1) else None
-        self._observers = observers
         self._sample_time = sample_time
         self._past = np.zeros((int(np.max(window)), sample_time.size))
         self._row = 0
@@ -492,7 +495,7 @@ class ControlLaw:
             rows[name] for name in ("stiffness", "damping", "mass")
         )
         self._springs, self._masses = bool(self._stiffness.any()), bool(self._mass.any())
-        self._estimates = _estimates(controller, sample_time)
+        self._estimates = _Estimates(controller, sample_time)
         self._rest, side = rows["place"], rows["side"]
         most = np.where((self._stiffness > 0) | (side != 0), rows["level"], np.inf)
         # A wall that pushes to lower readings lets pass what is positive, and the other way round.
@@ -534,19 +537,3 @@ class ControlLaw:
             self._transitions.follow(reading[some], moving[:, some], law[:, some])
             law = law * self._level
         return -np.add.reduce(law)
-
-
-def _estimates(controller: Controller, sample_time: FloatArray) -> _Estimates:
-    """The filters, of which some may be observers."""
-    ratio, batch = controller.filter_damping_ratio, sample_time.size
-    tracks: dict[int, Observer] = {}
-    sections: list[tuple[FloatArray, FloatArray]] = []
-    for power, which in ((1, "velocity"), (2, "acceleration")):
-        hertz = getattr(controller, f"{which}_filter_hz")
-        order = getattr(controller, f"{which}_filter_order")
-        if getattr(controller, f"{which}_filter") == "tracking" and np.all(np.isfinite(hertz)):
-            tracks[power] = Observer(int(np.max(order)), hertz, ratio, sample_time)
-            hertz = np.inf
-        sections.append(_low_pass_poles(hertz, order, ratio, sample_time))
-    window = per_member(controller.velocity_window_samples, batch).astype(np.int64)
-    return _Estimates(sections[0], sections[1], window, tracks, sample_time)

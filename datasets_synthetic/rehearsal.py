@@ -453,16 +453,18 @@ def rehearse(
         count = sizes.count[[play.member for play in part]]
         long = PART * samples * float(rig.sample_time[0])
         dies = np.maximum(DIES, np.exp(-_AT_LEAST * rates * long))
-        allowed = [
-            _allowed(
-                play,
-                float(force[play.member]),
-                sizes,
-                dies=float(dies[play.place, play.member]),
-                steady=float(travel),
+        allowed: list[Allowed] = []
+        for play, travel in zip(part, steady * long / count, strict=True):
+            # Where a damper is chopped, whatever force it makes of a few counts.
+            chopped, k = _KINDS[play.name].dampers, play.member
+            allowed.append(
+                Allowed(
+                    counts=_CHOPPED * _COUNTS if chopped else _COUNTS,
+                    force=float(2 * sizes.limit[k] if chopped else force[k]),
+                    dies=float(dies[play.place, k]),
+                    steady=float(travel),
+                )
             )
-            for play, travel in zip(part, steady * long / count, strict=True)
-        ]
         found = endings(seen.position, seen.force, count, allowed)
         ends |= {k: _with(end, more) for k, end, more in zip(left, found, grown, strict=True)}
         left = [
@@ -508,14 +510,6 @@ def _slowest_rates(
         rate = np.where(stiffness > 0, bound, damping / mass)
         found[place] = np.nan_to_num(np.maximum(rate, 0.0)).min(axis=0)
     return found
-
-
-def _allowed(play: _Play, force: float, sizes: _Sizes, *, dies: float, steady: float) -> Allowed:
-    """What may be left: where a damper is chopped, whatever force it makes of a few counts."""
-    counts = _COUNTS
-    if _KINDS[play.name].dampers:
-        counts, force = _CHOPPED * counts, 2 * float(sizes.limit[play.member])
-    return Allowed(counts=counts, force=force, dies=dies, steady=steady)
 
 
 def _with(ending: Ending, grown: str) -> Ending:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.resources import files
@@ -116,7 +116,9 @@ def fit_to_limits(
     for _ in range(_TRIES):
         some = exact.members(searching)
         tried = scale[searching]
-        middle, reach = _range(some, _command(shape[searching], tried, some))
+        position = simulate(some, _command(shape[searching], tried, some)).position
+        highest, lowest = position.max(axis=1), position.min(axis=1)
+        middle, reach = (highest + lowest) / 2, (highest - lowest) / 2
         within = reach <= travel[searching]
         good, bad = searching[within], searching[~within]
         low[good], reached[good], centre[good] = tried[within], reach[within], middle[within]
@@ -135,13 +137,6 @@ def fit_to_limits(
 def _command(shape: FloatArray, scale: FloatArray, rig: Rig) -> FloatArray:
     """The scaled shape with the force that cancels each device's offset, shape (batch, n)."""
     return shape * scale[:, None] + rig.force_offset[:, None]
-
-
-def _range(rig: Rig, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Centre and half width of the positions visited from rest at zero, each shape (batch,)."""
-    position = simulate(rig, force).position
-    highest, lowest = position.max(axis=1), position.min(axis=1)
-    return (highest + lowest) / 2, (highest - lowest) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,9 +282,11 @@ def bundled_path(name: str) -> Path:
 def log_text(trajectory: Trajectory) -> str:
     """The log as CSV: a header of column names, then one row a sample in SI units."""
     columns = trajectory.columns()
-    rows = zip(*(column for _, column in columns), strict=True)
-    lines = [",".join(name for name, _ in columns)]
-    lines += [",".join(_decimal(float(value)) for value in row) for row in rows]
+    return _csv([name for name, _ in columns], zip(*(each for _, each in columns), strict=True))
+
+
+def _csv(names: Iterable[str], rows: Iterable[Iterable[float]]) -> str:
+    lines = [",".join(names), *(",".join(map(_decimal, row)) for row in rows)]
     return "\n".join(lines) + "\n"
 
 
@@ -317,13 +314,11 @@ def planar_texts() -> dict[str, str]:
     seen = _PLANAR.run(force[None], start=0.0, seed=1)
     time = _PLANAR.sample_time * np.arange(_PLANAR_SAMPLES)
     table = np.column_stack((time, seen.force[0], seen.position[0]))
-    lines = ["time,force_x,force_y,position_x,position_y"]
-    lines += [",".join(_decimal(float(value)) for value in row) for row in table]
     facts = {"axes": ["x", "y"], "motion": "linear", "sample_time": 0.001, "delay": 0.001}
     facts |= {"encoder_resolution": 6e-6, "force_limit": {"continuous": 14.0, "peak": 28.0}}
     truth = {name: getattr(_PLANAR, name)[0].tolist() for name in ("mass", "damping")}
     return {
-        "planar.csv": "\n".join(lines) + "\n",
+        "planar.csv": _csv(("time", "force_x", "force_y", "position_x", "position_y"), table),
         "planar.hardware.yaml": to_yaml(
             {"schema": "haptune/hardware/1", "name": "planar"} | facts,
             "What is known before planar.csv is looked at.",

@@ -163,7 +163,12 @@ def simulate(
     sample_time = clock.nominal(column(rig.sample_time))
     sources = Sources(seeds, batch)
     stamps = clock.stamps(sample_time, samples, sources)
-    loads = _loads(sources, faults, hand, stamps, pushed)
+    if pushed is not None and pushed.shape[1] != samples:
+        raise ValueError(f"push has {pushed.shape[1]} samples, force {samples}: give as many")
+    loads = Loads(
+        device=white_noise(sources, "force", column(faults.force_noise), samples),
+        handle=hand.push(sources, stamps) + (0.0 if pushed is None else pushed.T),
+    )
     start = column(position) + scatter(sources, column(faults.start_spread))
     flexible = bool(rig.modes) or bool(np.any(rig.current_lag))
     kind = FlexibleDynamics if flexible else RigidDynamics
@@ -176,7 +181,13 @@ def simulate(
     noise = white_noise(sources, "position", column(faults.position_noise), samples)
     reference = None
     if isinstance(controller, Servo):
-        reference = _followed(controller, batch, samples)
+        followed = np.atleast_2d(np.asarray(controller.reference, dtype=np.float64))
+        if followed.shape[1] != samples:
+            raise ValueError(
+                f"the reference has {followed.shape[1]} samples, the force {samples}: give one "
+                f"value of each a sample"
+            )
+        reference = np.broadcast_to(followed, (batch, samples))
         command = command + column(controller.stiffness)[:, None] * reference
         controller = controller.regulator()
     sent, readings, states = _run(
@@ -205,17 +216,6 @@ def simulate(
         kept=clock.kept(batch, samples, sources),
         truth=truth,
     )
-
-
-def _followed(servo: Servo, batch: int, samples: int) -> FloatArray:
-    """The reference of a servo, shape (batch, samples)."""
-    followed = np.atleast_2d(np.asarray(servo.reference, dtype=np.float64))
-    if followed.shape[1] != samples:
-        raise ValueError(
-            f"the reference has {followed.shape[1]} samples, the force {samples}: give one "
-            f"value of each a sample"
-        )
-    return np.broadcast_to(followed, (batch, samples))
 
 
 def _run(
@@ -251,20 +251,6 @@ def _run(
             for part in timetable.parts(k):
                 dynamics.move(acting.take(part.place), part)
     return commands[lead:], readings, states
-
-
-def _loads(
-    sources: Sources, faults: Faults, hand: Hand, stamps: FloatArray, pushed: FloatArray | None
-) -> Loads:
-    """Forces that act but are not logged."""
-    samples, batch = stamps.shape
-    column = partial(per_member, batch=batch)
-    if pushed is not None and pushed.shape[1] != samples:
-        raise ValueError(f"push has {pushed.shape[1]} samples, force {samples}: give as many")
-    return Loads(
-        device=white_noise(sources, "force", column(faults.force_noise), samples),
-        handle=hand.push(sources, stamps) + (0.0 if pushed is None else pushed.T),
-    )
 
 
 #: Force of each axis from what its encoder reads, N (N·m), shape (batch, axes) both.

@@ -517,10 +517,7 @@ def _first_pose(old: Device, new: Device) -> str:
 
 
 def _felt_entries(effect: str, old: Device, new: Device) -> Iterator[tuple[str, Device, float]]:
-    """Each entry that both have, the old device where it is felt most, and the difference.
-
-    That is along an axis, or between two; of several poses the first is told.
-    """
+    """Each entry that both have, the old device where it is felt most, and the difference."""
     axes = old.axes or ()
     tables = [device.by_axis() for device in (old, new)]
     for one, other in combinations_with_replacement(sorted(axes), 2):

@@ -301,10 +301,7 @@ def _kept(folder: Path, name: str, inputs: str) -> dict[str, Any] | None:
 
 
 def _store(folder: Path, name: str, inputs: str, row: dict[str, Any], text: str | None) -> None:
-    """Write the profile of a device and then its record: one without the other is done again.
-
-    A profile from before, of a device that is refused now, is set aside as a backup.
-    """
+    """Write the profile of a device and then its record: one without the other is done again."""
     profile, record = _paths(folder, name)
     content = None if text is None else text.encode()
     try:

@@ -91,10 +91,7 @@ def identify_logs(
     brief: bool = False,
     dry_run: bool = False,
 ) -> ident.Identification:
-    """Read logs, identify and show the result, in a line if it is only a part of the work.
-
-    On a terminal, what the logs leave open is asked for.
-    """
+    """Read logs, identify and show the result, in a line if it is only a part of the work."""
     from tune.presentation.tables import device_line, device_table
 
     def read(
@@ -332,10 +329,7 @@ def ask_columns(
     columns: ident.LogColumns,
     read: Callable[[ident.LogColumns], list[ident.Trajectory | ident.Trajectories]],
 ) -> tuple[ident.LogColumns, list[ident.Trajectory | ident.Trajectories]]:
-    """Read logs, asking for one option after the other that they leave open.
-
-    What was answered is told as options, which other commands on these logs take.
-    """
+    """Read logs, asking for one option after the other that they leave open."""
     asked: list[str] = []
     while True:
         try:

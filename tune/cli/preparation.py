@@ -94,10 +94,7 @@ def template(kind: str, ending: str = "yaml") -> str:
 
 
 def excitation_of(name: str) -> str:
-    """The template of an excitation with what is known of a device filled in.
-
-    Raises UsageError for a device file, of which nobody said how far it may be moved.
-    """
+    """The template of an excitation with what is known of a known device filled in."""
     from numpy import format_float_positional
 
     if name not in ident.named_devices():

@@ -105,10 +105,7 @@ def was_interrupted() -> bool:
 
 
 class UninterruptedWrites:
-    """A block in which signals wait, so that all its files are written or none is begun.
-
-    Raises Interruption before the block if a signal came already, else after it.
-    """
+    """A block in which signals wait, so that all its files are written or none is begun."""
 
     def __enter__(self) -> None:
         _requests.raise_unless_writing()
@@ -120,12 +117,10 @@ class UninterruptedWrites:
 
 
 class _Outlet(io.RawIOBase):
-    """A stream of bytes that takes everything and passes on what it can.
-
-    Its ``failure`` is the system's words why something was not delivered, "" if all was.
-    """
+    """A stream of bytes that takes everything and passes on what it can."""
 
     def __init__(self, inner: io.RawIOBase) -> None:
+        #: The system's words why something was not delivered, "" if all was.
         self.failure = ""
         self._inner = inner
         self._open = True

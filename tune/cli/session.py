@@ -159,10 +159,7 @@ class Session:
             _print_error(f"warning: {sentence}")
 
     def target(self, output: Path | None, *inputs: Path | None) -> None:
-        """Refuse, before any work is done, an output that cannot be written or is an input.
-
-        None is no output. Raises UsageError for an input, NotWrittenError for what is no file.
-        """
+        """Refuse, before any work is done, an output that cannot be written or is an input."""
         if output is None:
             return
         refuse_standard_output(output)
@@ -211,10 +208,7 @@ class Session:
         self.say(f"{path} written")
 
     def draw(self, path: Path | None, figure: Callable[[], Figure]) -> None:
-        """Draw a picture and write it, PNG but for .svg and .pdf; None is none wanted.
-
-        Raises NotWrittenError.
-        """
+        """Draw a picture and write it, PNG but for .svg and .pdf; None is none wanted."""
         from io import BytesIO
 
         if path is None:

@@ -124,10 +124,7 @@ def _of_lost(
 def _with_less(
     scene: Scene, profile: SafeProfile, names: Collection[str], part: float
 ) -> Scene | None:
-    """The scene with a part of the open effects of these elements and of what is alike them.
-
-    None where none can be less.
-    """
+    """The scene with less of the open effects of these and of what is alike; None for no less."""
     from tune.certificate.certify import note_of_apart
     from tune.documents.scene import Wish
 

@@ -52,10 +52,7 @@ def law_in_words(profile: SafeProfile) -> str:
 
 
 def fade_step(element: ElementProfile, sample_time: float) -> float:
-    """Change of the level of an element in one period, s; 1 switches it at once.
-
-    InvalidInputError where it has to fade, and the profile does not say over which time.
-    """
+    """Change of the level of an element in one period, s; 1 switches it at once."""
     if element.fades and not element.fade_time:
         raise InvalidInputError(
             "profile",

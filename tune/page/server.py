@@ -55,10 +55,7 @@ _PROGRAM = "import sys; sys.path[:] = {path!r}; from tune.cli import main; main(
 
 
 def serve(folder: Path, port: int, tell: Callable[[str], None]) -> None:
-    """Serve a folder until a signal comes or the last tab is closed; ``tell`` gets the address.
-
-    Port 0 takes any that is free. Raises OSError where the port is taken.
-    """
+    """Serve a folder until a signal comes or the last tab is closed; ``tell`` gets the address."""
     # Named as TCP, asyncio sends an answer's body without waiting until its head has arrived.
     with socket.socket(proto=socket.IPPROTO_TCP) as door:
         door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -63,10 +63,7 @@ def _once(load: Callable[..., _Answer], path: Path, _: int, *how: object) -> _An
 
 
 def thinned(time: FloatArray, column: FloatArray, parts: int = 1200) -> list[FloatArray]:
-    """(times, values) of a curve with the least and the largest value of each part, and its ends.
-
-    Time and column have shape (rows,).
-    """
+    """(times, values) of a curve: the least and the largest value of each part, and its ends."""
     last, each = column.size - 1, -(-column.size // parts)
     whole = np.pad(column, (0, parts * each - column.size), mode="edge").reshape(parts, each)
     starts = each * np.arange(parts)

@@ -82,17 +82,11 @@ class Boundaries:
         return self._least(damping, mass, (1.0,), late=False)
 
     def with_margin(self, damping: FloatArray, mass: FloatArray | float) -> FloatArray:
-        """That at every corner with the extra delay, at a few gains up to the margin.
-
-        The certificate judges them all.
-        """
+        """That at every corner with the extra delay, at a few gains up to the margin."""
         return self._least(damping, mass, self.gains, late=True)
 
     def damping_with_margin(self, stiffness: float, damping: float, mass: float) -> float:
-        """Damping up to which a stiffness and a mass keep the whole margin, from one that does.
-
-        The damping to begin with where not even that keeps the margin.
-        """
+        """Damping, at least the given, up to which a stiffness and a mass keep the margin."""
         found: list[float] = []
         for gain in self.gains:
             K, M = np.array([gain * stiffness]), np.array([gain * mass])
@@ -344,17 +338,14 @@ def _felt_uses(design: Design, element: ElementProfile) -> _Found:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectUse:
-    """One effect of a design beside the limit that binds it, or else the one it uses most.
-
-    ``limit`` is None where no limit has a number; ``binds`` tells whether it is the one that binds.
-    """
+    """One effect of a design beside the limit that binds it, or else the one it uses most."""
 
     name: str
     value: str
     steps: float
     reason: LimitedBy
-    limit: Use | None
-    binds: bool
+    limit: Use | None  # None where no limit has a number
+    binds: bool  # whether it is the one that binds
 
     @property
     def words(self) -> str:

@@ -35,10 +35,7 @@ if TYPE_CHECKING:
 def report_html(
     safe: SafeProfile, found: Identification | None, alternatives: tuple[Alternative, ...] | None
 ) -> str:
-    """The page of a profile that passed its check, every text escaped.
-
-    It shows what its logs tell, where they are at hand, and what would help, where somebody asked.
-    """
+    """The page of a profile that passed its check, every text escaped."""
     written = date.today().isoformat()
     return _rendered(
         "report.html",

@@ -474,10 +474,7 @@ def _least_play(
     target: Combination,
     allowed: Callable[[Combination, float], tuple[ConsistentLoops, ...]],
 ) -> tuple[Play | None, str]:
-    """(the play of least gain that tells of the target, why there is none).
-
-    One that would tell even with the least damping of the device's interval goes before.
-    """
+    """(the play of least gain that tells of the target, why there is none)."""
     why, likely = "", None
     for gain, player in product(_GAINS, players):
         try:

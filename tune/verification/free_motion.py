@@ -126,10 +126,7 @@ def _noise_and_grain(position: FloatArray) -> tuple[float, float]:
 
 
 def _turning_points(position: FloatArray, clear: float) -> list[int]:
-    """Rows at which the motion turns by more than ``clear``; the first is where it sets off.
-
-    A turning point that spans several equal readings is in their middle.
-    """
+    """Rows at which the motion turns by more than ``clear``; the first is where it sets off."""
     from scipy.signal import find_peaks
 
     sides: dict[int, int] = {}

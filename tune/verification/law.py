@@ -203,10 +203,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Log:
-    """What the law is judged on; rows used are neither saturated nor outside of a one-sided wall.
-
-    N and m, shape (n,).
-    """
+    """What the law is judged on, N and m; rows used are not saturated, nor outside of a wall."""
 
     loop: LoopProfile  # whose filters forget what was before the log
     force: FloatArray

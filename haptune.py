@@ -28,27 +28,9 @@ if TYPE_CHECKING:  # what checkers of types take for true
         verify,
     )
 
-__all__ = [
-    "Device",
-    "Effects",
-    "Filters",
-    "Hardware",
-    "SafeProfile",
-    "Scene",
-    "Trajectory",
-    "audit",
-    "calibrate",
-    "check",
-    "export",
-    "identify",
-    "load_device",
-    "load_profile",
-    "load_scene",
-    "load_trajectory",
-    "optimise",
-    "study",
-    "verify",
-]
+__all__ = ["audit", "calibrate", "check", "export", "identify", "optimise", "study", "verify"]
+__all__ += ["Device", "Effects", "Filters", "Hardware", "SafeProfile", "Scene", "Trajectory"]
+__all__ += ["load_device", "load_profile", "load_scene", "load_trajectory"]
 
 
 def __getattr__(name: str) -> Any:

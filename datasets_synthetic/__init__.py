@@ -16,33 +16,9 @@ from datasets_synthetic.scenarios import (
 )
 from datasets_synthetic.simulation import Motions, Recording, RigOfAxes, Truth, simulate
 
-__all__ = [
-    "SCENARIOS",
-    "Calls",
-    "Clock",
-    "Controller",
-    "Faults",
-    "ForceSignal",
-    "Hand",
-    "Motions",
-    "Recording",
-    "Rehearsal",
-    "Rig",
-    "RigOfAxes",
-    "Scenario",
-    "Servo",
-    "Trial",
-    "Truth",
-    "Vibration",
-    "VirtualElement",
-    "bundled_path",
-    "fit_to_limits",
-    "log_text",
-    "multisine",
-    "named_rig",
-    "rehearse",
-    "rig_of",
-    "run",
-    "scenario_named",
-    "simulate",
-]
+__all__ = ["Clock", "Faults", "Hand", "Rig", "Vibration", "named_rig", "rig_of"]
+__all__ += ["Calls", "Controller", "Servo", "VirtualElement"]
+__all__ += ["Rehearsal", "Trial", "rehearse"]
+__all__ += ["SCENARIOS", "ForceSignal", "Scenario", "bundled_path", "fit_to_limits"]
+__all__ += ["log_text", "multisine", "run", "scenario_named"]
+__all__ += ["Motions", "Recording", "RigOfAxes", "Truth", "simulate"]

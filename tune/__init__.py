@@ -35,55 +35,22 @@ if TYPE_CHECKING:  # what checkers of types take for true
     )
     from tune.verification import Verification, verify
 
-__all__ = [
-    "Alternative",
-    "Audit",
-    "Change",
-    "CheckFailedError",
-    "CheckReport",
-    "Comparison",
-    "Effects",
-    "Element",
-    "Filters",
-    "Loop",
-    "LoopError",
-    "LoopMargins",
-    "NoFeasibleEffectError",
-    "Passivity",
-    "PerceptionTable",
-    "SafeProfile",
-    "Scale",
-    "Scene",
-    "TuneError",
-    "Verification",
-    "audit",
-    "calibrate",
-    "candidates",
-    "check",
-    "compare",
-    "compare_candidates",
-    "count_jump",
-    "damping_needed",
-    "default_table",
-    "export",
-    "force_ripple",
-    "gain_interval",
-    "is_stable",
-    "largest",
-    "load_profile",
-    "load_scene",
-    "margins_of",
-    "optimise",
-    "profile_picture",
-    "profile_sheet",
-    "region_picture",
-    "safe_gain",
-    "stable_gains",
-    "study",
-    "verdict",
-    "verify",
-    "what_if",
-]
+__all__ = ["Audit", "Change", "Comparison", "audit", "compare"]
+__all__ += ["CheckReport", "check"]
+__all__ += ["CheckFailedError", "LoopError", "NoFeasibleEffectError", "TuneError"]
+__all__ += ["PerceptionTable", "Scale", "default_table"]
+__all__ += ["SafeProfile", "load_profile"]
+__all__ += ["Effects", "Element", "Scene", "load_scene"]
+__all__ += ["export"]
+__all__ += ["Filters", "Loop"]
+__all__ += ["LoopMargins", "margins_of"]
+__all__ += ["Alternative", "candidates", "compare_candidates", "optimise", "what_if"]
+__all__ += ["calibrate", "study"]
+__all__ += ["profile_picture", "profile_sheet", "region_picture"]
+__all__ += ["count_jump", "force_ripple"]
+__all__ += ["Passivity", "damping_needed"]
+__all__ += ["gain_interval", "is_stable", "largest", "safe_gain", "stable_gains", "verdict"]
+__all__ += ["Verification", "verify"]
 
 #: Public names by module. No module or folder here has the name of a verb (audit, export,
 #: optimise): once loaded, it would take the function's place.

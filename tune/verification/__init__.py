@@ -65,19 +65,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "Advice",
-    "Kept",
-    "Outcome",
-    "Verification",
-    "advise",
-    "along",
-    "comparable",
-    "margins_of_others",
-    "principal_directions",
-    "verification_picture",
-    "verify",
-]
+__all__ = ["Advice", "Kept", "Outcome", "Verification"]
+__all__ += ["advise", "along", "comparable", "margins_of_others", "principal_directions"]
+__all__ += ["verification_picture", "verify"]
 
 
 #: Count of the log against the encoder of the device.

@@ -164,7 +164,9 @@ class Rig:
         for key, array in zip(given, np.broadcast_arrays(*arrays), strict=True):
             if array.ndim != 1:
                 raise ValueError(f"{key} must be a number or of shape (batch,), not {array.shape}")
-            wrong = _out_of_range(key, array)
+            impossible = np.isnan(array) if key == "force_limit" else ~np.isfinite(array)
+            below = array <= 0 if key in _POSITIVE else (array < 0) & (key in _NOT_NEGATIVE)
+            wrong = impossible | below
             if np.any(wrong):
                 permitted = "positive" if key in _POSITIVE else "finite"
                 permitted += " and not negative" if key in _NOT_NEGATIVE else ""
@@ -204,14 +206,6 @@ class Rig:
 
 _OTHERS = {"name", "axis", "motion", "modes"}
 _COLUMNS = tuple(item.name for item in fields(Rig) if item.name not in _OTHERS)
-
-
-def _out_of_range(key: str, array: FloatArray) -> NDArray[np.bool_]:
-    """Where a column of Rig holds what no device has."""
-    impossible = np.isnan(array) if key == "force_limit" else ~np.isfinite(array)
-    if key in _POSITIVE:
-        return impossible | (array <= 0)
-    return impossible | (array < 0) if key in _NOT_NEGATIVE else impossible
 
 
 def rig_of(device: Device) -> Rig:

@@ -358,7 +358,11 @@ class FlexibleDynamics:
     def _slide(self, members: Indices, halving: int, found: list[list[FloatArray]]) -> None:
         """Moves members on by one step/2^halving, through any stops and starts."""
         later = self._after(members, halving, found)
-        stopped = self._interrupted(members, later)
+        # Which turn round or break away before that.
+        direction = self._direction[members]
+        turned = later[:, self._mechanism.coordinates] * direction < 0
+        broke = (direction == 0) & (self._way(members, later) != 0)
+        stopped = (turned | broke) & self._turning[members]
         calm = members[~stopped]
         self._z[calm] = later[~stopped]
         rest = members[stopped]
@@ -385,13 +389,6 @@ class FlexibleDynamics:
         if self._directed and back.size:
             change[back] = _applied(found[2][halving][members[back]], pulled[back])
         return z + change
-
-    def _interrupted(self, members: Indices, later: FloatArray) -> NDArray[np.bool_]:
-        """Which members turn round or break away before ``later``."""
-        direction = self._direction[members]
-        turned = later[:, self._mechanism.coordinates] * direction < 0
-        broke = (direction == 0) & (self._way(members, later) != 0)
-        return (turned | broke) & self._turning[members]
 
     def _decide(self, members: Indices) -> None:
         """Stuck or which way, for members at rest."""

@@ -61,7 +61,9 @@ def endings(
         parts = _parts(position) / count[:, None, None]
         forces = _parts(force)
         moved, pulled = _amplitudes(parts), _amplitudes(forces)
-        travel = _travel(parts)
+        # How far the straight line through each part goes.
+        place = np.linspace(-1, 1, parts.shape[2])
+        travel = np.abs(2 * (parts @ place) / (place @ place))
         travel = np.where(travel > _MORE * moved, travel, 0.0)
         reaches = np.ptp(parts, axis=2), np.ptp(forces, axis=2)
     sizes = zip(moved, pulled, travel, *reaches, strict=True)
@@ -165,12 +167,6 @@ def _amplitudes(parts: FloatArray) -> FloatArray:
     slow, _ = np.linalg.qr(np.polynomial.legendre.legvander(place, _DEGREE))
     left = parts - (parts @ slow) @ slow.T
     return np.sqrt(2 * np.mean(left**2, axis=2))
-
-
-def _travel(parts: FloatArray) -> FloatArray:
-    """How far the straight line through each part goes, shape (batch, 2)."""
-    place = np.linspace(-1, 1, parts.shape[2])
-    return np.abs(2 * (parts @ place) / (place @ place))
 
 
 def _shown(amplitude: float, allowed: float) -> str:

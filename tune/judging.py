@@ -323,16 +323,13 @@ def _scene_of(
     if like is not None:
         element = like[0].elements[like[1]]
         asked |= {"one_sided": element.one_sided, **to_mapping(element.motion)}
-        if element.lead is not None and not _wants_its_damping(*like):
+        # One that is told which damping to have no lead limits.
+        noted = any(note.startswith(f"{like[1]}.damping: ") for note in like[0].notes)
+        wanted = noted or element.limited_by.get("damping") == "wanted"
+        if element.lead is not None and not wanted:
             asked["lead"] = element.lead
         scene |= {"ripple_limit": like[0].ripple_limit, "hand": like[0].hand or "none"}
     return scene | {"elements": {ELEMENT: asked}}
-
-
-def _wants_its_damping(design: Design, name: str) -> bool:
-    """Whether it is told which damping to have, which no lead limits."""
-    noted = any(note.startswith(f"{name}.damping: ") for note in design.notes)
-    return noted or design.elements[name].limited_by.get("damping") == "wanted"
 
 
 def _as_judged(device: Device, samples: float) -> Device:

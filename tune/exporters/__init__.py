@@ -132,10 +132,7 @@ def _macros(profile: SafeProfile) -> dict[str, str]:
 
 def _bits(names: Iterable[str], places: Mapping[str, int]) -> int:
     """The set of some elements: the union of their bits, however often one is named."""
-    found = 0
-    for name in names:
-        found |= 1 << places[name]
-    return found
+    return sum(1 << places[name] for name in set(names))
 
 
 def _number(value: float) -> str:

@@ -65,10 +65,10 @@ def region_picture(profile: Design, *, ax: Axes | None = None) -> Figure:
     """
     from identification import NotebookFigure
 
-    figure = NotebookFigure(figsize=(8.0, 4.2)) if ax is None else ax.get_figure(root=True)
-    assert figure is not None
     if ax is None:
-        ax = figure.add_axes((0.1, 0.12, 0.88, 0.73))
+        ax = NotebookFigure(figsize=(8.0, 4.2)).add_axes((0.1, 0.12, 0.88, 0.73))
+    figure = ax.get_figure(root=True)
+    assert figure is not None
     _draw_places(ax, profile.one_of_each())
     return figure
 
@@ -155,8 +155,8 @@ def _draw_overview(
 ) -> None:
     """Region and perceived steps on a figure or a part of one, with a note below the title."""
     height = _overview_height(profile)
-    grid = {"left": 0.075, "right": 0.985, "top": 1 - 0.85 / height, "bottom": 0.5 / height}
-    grid |= {"left": 0.165, "wspace": 0.2, "width_ratios": (1.25, 1.0)}
+    grid = {"left": 0.165, "right": 0.985, "top": 1 - 0.85 / height, "bottom": 0.5 / height}
+    grid |= {"wspace": 0.2, "width_ratios": (1.25, 1.0)}
     left, right = figure.subplots(1, 2, gridspec_kw=grid)
     title = f"{short_name(profile.scene)} on {short_name(profile.device.name)}"
     title += f": {_verdict(profile) if verdict is None else verdict}"

@@ -93,10 +93,7 @@ def _sippy(place: FloatArray, force: FloatArray, method: str, **options: Any) ->
 
 
 def _differenced(trajectory: Trajectory, delay: float) -> tuple[FloatArray, FloatArray]:
-    """Force and difference of the position over the sample before, m/s, both without their means.
-
-    No model of these libraries has an integrator; the speed has none.
-    """
+    """Force and speed, m/s, without their means: no model of these libraries has an integrator."""
     force = arriving(trajectory, delay)[1:]
     speed = np.diff(trajectory.position) / trajectory.sample_time
     return force - np.mean(force), speed - np.mean(speed)

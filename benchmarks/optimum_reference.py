@@ -185,10 +185,7 @@ class Reference:
 
 
 def _corners(device: Device, hand: Hand | str, extra: int) -> Iterator[Corner]:
-    """Corners of the simultaneous box, alone and in the hand, at each delay that may come.
-
-    Delays are both ends of the device's and every whole sample from the first to the extra ones.
-    """
+    """Corners of the simultaneous box, alone and in the hand, at each delay that may come."""
     box = device.simultaneous_box()
     grips: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)]
     if isinstance(hand, Hand):

@@ -93,10 +93,7 @@ def weber_fraction(effect: int) -> float:
 def felt_of(
     device: Device, filters_hz: tuple[float | None, float | None], frequency: FloatArray
 ) -> NDArray[np.complex128]:
-    """Force over velocity of one unit of K, B and M, complex, at each frequency: (3, ...).
-
-    Differences, filters, delay, hold and the lag of the current as they are.
-    """
+    """Force over velocity of one unit of K, B and M, complex, at each frequency: (3, ...)."""
     step = device.sample_time.value
     lag = 0.0 if device.current_lag is None else device.current_lag.value
     turn = 2j * np.pi * frequency
@@ -111,10 +108,7 @@ def felt_of(
 
 
 def felt_share(device: Device, filter_hz: float | None, power: int) -> float:
-    """The part of a damper (power 1) or mass (power 2) that is in phase with it, on average.
-
-    Sines from 0.5 to 5 Hz evenly over the logarithm.
-    """
+    """The part of a damper (power 1) or mass (2) in phase with it, on average over 0.5 to 5 Hz."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     frequency = _SLOW * (_FAST / _SLOW) ** ((nodes + 1) / 2)
     felt = felt_of(device, (filter_hz, filter_hz), frequency)[power]
@@ -147,10 +141,7 @@ def felt_ends(
     filters_hz: tuple[float | None, float | None],
     elements: Mapping[str, Element],
 ) -> list[Felt]:
-    """Mass and damping at both ends of motions within a step of what is asked, up and down.
-
-    Elements of wanted values alone are met as they are commanded.
-    """
+    """Mass and damping at both ends of motions within a step of what is asked, up and down."""
     found: list[Felt] = []
     effects = np.array([one.effect for one in wanted])
     for frequency in (_SLOW, _FAST):

@@ -308,10 +308,7 @@ def band_noise(
     band: tuple[float, float],
     stamps: FloatArray,
 ) -> FloatArray:
-    """Sines of equal amplitude spread over a band, Hz, in random phases.
-
-    Stamps, s, have shape (n, batch) and need not be even.
-    """
+    """Sines of equal amplitude over a band, Hz, in random phases; stamps, s, (n, batch)."""
     noise = np.zeros(stamps.shape)
     if not np.any(rms):
         return noise

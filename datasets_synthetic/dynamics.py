@@ -219,10 +219,7 @@ class RigidDynamics:
         return self._state
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place and speed of the handle and the energy of all, shape (n, batch) each.
-
-        The states have shape (n, 2, batch).
-        """
+        """Place and speed of the handle, energy of all, (n, batch); states (n, 2, batch)."""
         place, speed = states[:, 0], states[:, 1]
         energy = 0.5 * self._mass * speed**2
         field = self._drag.field
@@ -336,10 +333,7 @@ class FlexibleDynamics:
         return self._z.T
 
     def seen(self, states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Place and speed of the handle and the energy of all, shape (n, batch) each.
-
-        The states have shape (n, size, batch).
-        """
+        """Place and speed of the handle, energy of all, (n, batch); states (n, size, batch)."""
         n, at_handle = self._mechanism.coordinates, self._mechanism.at_handle
         place = np.einsum("bi,tib->tb", at_handle, states[:, :n])
         speed = np.einsum("bi,tib->tb", at_handle, states[:, n : 2 * n])

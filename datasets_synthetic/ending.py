@@ -53,10 +53,7 @@ class Ending:
 def endings(
     position: FloatArray, force: FloatArray, count: FloatArray, allowed: Sequence[Allowed]
 ) -> list[Ending]:
-    """The end of every run, position (m) and force (N) of shape (batch, n).
-
-    Count of the encoder, m, and what is allowed are one a run.
-    """
+    """The end of every run, position (m) and force (N) of shape (batch, n), counts in m."""
     with np.errstate(over="ignore", invalid="ignore"):
         parts = _parts(position) / count[:, None, None]
         forces = _parts(force)

@@ -49,10 +49,7 @@ class Field:
         )
 
     def fastest(self) -> FloatArray:
-        """Largest natural frequency anywhere, 1/s, shape (batch,).
-
-        No slope of the field exceeds its square.
-        """
+        """Largest natural frequency anywhere, 1/s, shape (batch,): no slope exceeds its square."""
         return np.sqrt(np.abs(self.stiffness) + np.hypot(self.sine, self.cosine))
 
 
@@ -94,10 +91,7 @@ class Drag:
 
 
 def steps_needed(duration: FloatArray, rate: FloatArray, largest: float = LARGEST_STEP) -> int:
-    """Number of equal steps that keeps |h·p| <= largest for every member over ``duration`` (s).
-
-    Duration (s) and rate (1/s) have shape (batch,).
-    """
+    """Equal steps over a duration, s, that keep |h·p| <= largest for every member."""
     return max(1, int(np.ceil(np.max(np.abs(duration * rate)) / largest - 1e-9)))
 
 
@@ -175,10 +169,7 @@ _GOES_ON = 1e300
 def _slipping(
     state: FloatArray, pull: FloatArray, drag: Drag
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Drive (pull less Coulomb friction), rate, which way members tend, and what friction holds.
-
-    Where that is all of it a member sticks.
-    """
+    """Drive (pull less Coulomb friction), rate, which way members tend, and what friction holds."""
     net = pull if drag.field is None else pull - drag.field.at(state[0])
     tends = net + state[1] * _GOES_ON
     held = np.minimum(np.maximum(tends, -drag.grip), drag.grip)
@@ -196,10 +187,7 @@ def _runge_kutta(
     field: Field | None,
     step: FloatArray,
 ) -> FloatArray:
-    """Travel and gain of velocity over one step of dv/dt = drive - rate·v - field(x), dx/dt = v.
-
-    Shape (2, ..., batch).
-    """
+    """Travel and gain of velocity over one step of dv/dt = drive - rate·v - field(x), dx/dt = v."""
     half = 0.5 * step
     sixth = step / 6
     if field is None:

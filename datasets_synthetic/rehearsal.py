@@ -176,10 +176,7 @@ class _Sizes:
         push: float | FloatArray | None,
         duration: float,
     ) -> _Sizes:
-        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``.
-
-        Reach, m (rad), and push, N (N·m), are numbers or arrays of shape (batch,).
-        """
+        """Sizes from what is given, or else from encoder and force limit; see ``rehearse``."""
         if rig.batch != 1:
             raise ValueError(f"one device is rehearsed at a time, not {rig.batch}")
         count = float(rig.encoder_resolution[0])

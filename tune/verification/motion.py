@@ -195,10 +195,7 @@ def binding_stiffness(device: Device, effects: Effects) -> float:
 
 
 def poles_by_size(loop: Loop, effects: Effects, sample_time: float) -> ComplexArray:
-    """Poles of each loop, 1/s, the slowest first; free motion does not count.
-
-    Shape (degree, loops), inf where one is over within a sample.
-    """
+    """Poles of each loop but a free one, 1/s, the slowest first, inf if gone; (degree, loops)."""
     closed, _ = loop.polynomial(effects)
     closed = closed[loop.lowest_power(effects) :].reshape(-1, closed[0].size)
     w = companion_roots(closed[:-1] / closed[-1])

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-    from tune.documents.results import IdentifyDetails, LogExamined, LogIdentified, ToldQuantity
+    from tune.documents.results import IdentifyDetails, LogExamined, ToldQuantity
 
 DEVICE_COMMENT = "Device identified by haptune; intervals are 95 % each, the covariance is joint."
 
@@ -137,25 +137,24 @@ def identification_details(found: ident.Identification) -> IdentifyDetails:
         "device": ident.to_mapping(found.device),
         "half_widths": half_widths(found.device),
         "method": found.method,
-        "logs": [_log_details(fit) for fit in found.logs],
-    }
-
-
-def _log_details(fit: ident.LogFit) -> LogIdentified:
-    return {
-        "source": fit.trajectory.source,
-        "method": fit.method,
-        "reason": fit.reason,
-        "fitted": fit.fitted,
-        "others": [
+        "logs": [
             {
-                "method": other.method,
-                "mass": float(other.value("mass")),
-                "damping": float(other.value("damping")),
+                "source": fit.trajectory.source,
+                "method": fit.method,
+                "reason": fit.reason,
+                "fitted": fit.fitted,
+                "others": [
+                    {
+                        "method": other.method,
+                        "mass": float(other.value("mass")),
+                        "damping": float(other.value("damping")),
+                    }
+                    for other in fit.others
+                ],
+                "structure": [fit.structure] if fit.structure else [],
             }
-            for other in fit.others
+            for fit in found.logs
         ],
-        "structure": [fit.structure] if fit.structure else [],
     }
 
 

@@ -524,11 +524,9 @@ def command(
                 offered += common
             elif name != "session":
                 offered.append(_in_words(parameter))
-        offered.append(_keyword("json", _Json, default=False))
-        offered.append(_keyword("quiet", _Quiet, default=False))
-        offered.append(_keyword("verbose", _Verbose, default=False))
-        if asks:
-            offered.append(_keyword("no_input", _NoInput, default=False))
+        flags = {"json": _Json, "quiet": _Quiet, "verbose": _Verbose}
+        flags |= {"no_input": _NoInput} if asks else {}
+        offered += [_keyword(name, kind, default=False) for name, kind in flags.items()]
 
         @wraps(body)
         def run(**given: Any) -> None:

@@ -240,8 +240,9 @@ def candidates_lines(
         lines.append(f"{each.name}: every gain up to {margin.gain:g}, {samples}; {result}")
     sizes = [{(r.element, r.effect): r.value for r in rows if r.candidate == c.name} for c in found]
     if rows and all(other == sizes[0] for other in sizes):
-        alike = "the same effects with every candidate: here the conservative one costs nothing"
-        lines.append(alike)
+        lines.append(
+            "the same effects with every candidate: here the conservative one costs nothing"
+        )
     return tuple(lines)
 
 
@@ -438,8 +439,7 @@ def audit_table(found: Audit) -> Table:
     """Everything that was computed, with what is needed of it."""
     design = found.design
     delay = counted(f"{design.loop.extra_delay_samples:g}", "sample")
-    title = f"{design.device.name}, delay {delay}"
-    title += f", margin {design.margin.name}"
+    title = f"{design.device.name}, delay {delay}, margin {design.margin.name}"
     table = headed_table(title, ("what", "seen", "needed"))
     for row in _audit_rows(found):
         table.add_row(*row)

@@ -1,4 +1,4 @@
-"""Tables of text that could be read in two ways are refused, with what makes them so."""
+"""Tables of text that are damaged or could be read in two ways are refused, with what helps."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ THOUSANDS = "time;force;position\n" + "\n".join(
 )
 
 #: what is asked for, the file, what is said, the step to take
-REFUSED: dict[str, tuple[dict[str, Any], str, str, str]] = {
+REFUSED: dict[str, tuple[dict[str, Any], str | bytes, str, str]] = {
     "a comma for two": (
         {},
         table(decimal=","),
@@ -102,12 +102,47 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str, str]] = {
         "several columns that may be the time: 't', 'timestamp'",
         'such as --time "t"',
     ),
-    "samples above": ({}, "0,1,2\n" + TEXT, "1 line above its header", "Delete the lines"),
+    "another log above": (
+        {},
+        f"0,1,2\n1,2,3\n{TEXT}",
+        "has 2 lines above its header, which stands in line 3; the first is '0,1,2'",
+        "Delete the lines above the header",
+    ),
+    "zeros at the end": (
+        {},
+        TEXT.encode() + bytes(512),
+        "holds 512 NUL bytes, the first in line 302",
+        "Log or export it again, or keep the lines before line 302",
+    ),
+    "zeros alone": (
+        {},
+        bytes(4096),
+        "holds 4096 NUL bytes, the first in line 1",
+        "Log or export it again$",
+    ),
+    "half a letter of UTF-16": (
+        {},
+        TEXT.encode("utf-16") + b"\x0a",
+        "begins as UTF-16 text, and byte",
+        "Save it as UTF-8",
+    ),
+    "a comment above another header": (
+        {},
+        f"# rig 7\n{TEXT.replace('time', 'uhr')}",
+        "has no column 'time'; it has: uhr, force, position",
+        "Name the right column with --time",
+    ),
     "words below": (
         {},
         in_lines(TEXT, lambda lines: [lines[0], "clock,motor,handle", *lines[1:]]),
         "'clock' in row 2",
         "delete rows of units",
+    ),
+    "a summary": (
+        {},
+        f"{TEXT}Mean,0.1,0.2\n",
+        "'Mean' in row 302",
+        "delete rows of units, names or a summary",
     ),
     "a summary below comments": (
         {},

@@ -31,14 +31,17 @@ def test_every_kind_reads_the_same_numbers(
     tmp_path: Path, write: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.undo()
-    columns = LogColumns(position="q", reference="r", force_gain=-2.0, position_gain=1e-3)
-    log = load_trajectory(write(tmp_path, q=POSITION, r=POSITION + 1), columns, axis="y")
+    gains = {"force_gain": -2.0, "position_gain": 1e-3}
+    columns = LogColumns(position="q", reference="r", axis="elbow", **gains)
+    path = write(tmp_path, q=POSITION, r=POSITION + 1)
+    log = load_trajectory(path, columns, motion="rotary")
     np.testing.assert_array_equal(log.time, TIME)
     np.testing.assert_array_equal(log.force, -2.0 * FORCE)
     np.testing.assert_array_equal(log.position, 1e-3 * POSITION)
     assert log.reference is not None
     np.testing.assert_array_equal(log.reference, 1e-3 * (POSITION + 1))
-    assert log.axis == "y"
+    assert (log.axis, log.motion) == ("elbow", "rotary")
+    assert load_trajectory(path, columns, axis="knee").axis == "knee"
 
 
 @pytest.mark.parametrize(("write", "unasked"), [(parquet, True), (csv, True), (npz, False)])
@@ -54,9 +57,9 @@ def test_missing_columns_say_the_same(
     tmp_path: Path, write: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.undo()
-    text = refusal(write(tmp_path), LogColumns(force="current"))
-    assert "has no column 'current'; it has: time, force, position" in text
-    assert "--force" in text
+    text = refusal(write(tmp_path), LogColumns(time="when", force="current"))
+    assert "has no column 'when', 'current'; it has: time, force, position" in text
+    assert ("--time" in text, "--force" in text, "--position" in text) == (True, True, False)
 
 
 @pytest.mark.parametrize("write", [parquet, npz, mat])

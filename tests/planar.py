@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+import identification as ident
 from datasets_synthetic import Motions, RigOfAxes
 
 FloatArray = NDArray[np.float64]
@@ -24,6 +25,15 @@ delay: 0.001
 encoder_resolution: 0.000006
 force_limit: {continuous: 9.0, peak: 28.0}
 """
+
+#: What names the columns of a log of both axes.
+COLUMNS = ("--force", "force_x,force_y", "--position", "position_x,position_y")
+
+
+def hardware(**given: object) -> ident.Hardware:
+    """What is known of the device, some of it stated otherwise."""
+    content = ident.load_mapping("hardware.yaml", HARDWARE) | given
+    return ident.parse_document(ident.Hardware, content, "hardware.yaml")
 
 
 def tangled(chance: np.random.Generator, axes: int, ratio: float, least: float) -> FloatArray:
@@ -57,7 +67,7 @@ def motion(
     *,
     seed: int,
     delay: float = STEP,
-    rows: int = 2500,
+    rows: int = 1600,
     most: float = 12.0,
     own: float = 1.0,
     noise: float = 5e-6,

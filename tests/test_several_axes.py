@@ -14,24 +14,18 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
+from unittest import mock
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.optimize import nnls
 
 import identification as ident
 from datasets_synthetic import RigOfAxes, bundled_path
 from datasets_synthetic.scenarios import planar_texts
-from identification import (
-    Device,
-    Hardware,
-    InvalidInputError,
-    LogRefusedError,
-    UsageError,
-    identify,
-)
+from identification import Device, InvalidInputError, LogRefusedError, UsageError, identify
 from tests.commands import haptune
 from tests.exported import on_axes
 from tests.guard import (
@@ -46,18 +40,16 @@ from tests.guard import (
     push,
     write,
 )
-from tests.planar import DAMPING, FRICTION, HARDWARE, MASS, STEP, motion, tangled
+from tests.planar import COLUMNS, DAMPING, FRICTION, MASS, STEP, hardware, motion, tangled
 from tests.thinned import thinned
 from tune import Scene, export, load_profile, optimise, profile_sheet, verify
+from tune.cli.preparation import template
 from tune.documents.profile import SafeProfile
 
 FloatArray = NDArray[np.float64]
-COLUMNS = ("--force", "force_x,force_y", "--position", "position_x,position_y")
-
-
-def hardware(**given: object) -> Hardware:
-    content = ident.load_mapping("hardware.yaml", HARDWARE) | given
-    return ident.parse_document(Hardware, content, "hardware.yaml")
+#: The bundled device in the plane, and the directions in which it is lightest and heaviest.
+PLANE = ident.load_mapping(bundled_path("planar.truth.yaml"))
+LIGHT, HEAVY = np.linalg.eigh(np.array(PLANE["mass"]))[1].T
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +82,7 @@ def test_principal_masses_are_found(planar: Device) -> None:
     assert largest < box.damping[1] < 1.1 * largest
 
 
-def _misses(seed: int, axes: int, *, rows: int = 2500, stated: bool = True) -> FloatArray:
+def misses(seed: int, axes: int, *, rows: int = 1600, stated: bool = True) -> FloatArray:
     """Errors of all entries of a random device over their deviations, as of a normal variable."""
     chance = np.random.default_rng(seed)
     mass = tangled(chance, axes, 10.0, chance.uniform(0.1, 1.0))
@@ -117,19 +109,18 @@ def _misses(seed: int, axes: int, *, rows: int = 2500, stated: bool = True) -> F
     return np.asarray(errors / spread / (pose.deviations() / 1.96), dtype=np.float64)
 
 
-@pytest.mark.parametrize(("seed", "axes"), [(12, 2), (7, 3)])
-def test_random_devices_are_found_within_their_intervals(seed: int, axes: int) -> None:
-    assert np.all(np.abs(_misses(seed, axes)) < 4)
-
-
-def test_the_delay_of_all_axes_is_found() -> None:
-    assert np.all(np.abs(_misses(5, 2, stated=False)) < 4)
+@pytest.mark.parametrize(("seed", "axes", "stated"), [(12, 2, True), (7, 3, True), (5, 2, False)])
+def test_random_devices_are_found_within_their_intervals(
+    seed: int, axes: int, *, stated: bool
+) -> None:
+    """Whether their delay is stated or found."""
+    assert np.all(np.abs(misses(seed, axes, stated=stated)) < 4)
 
 
 @pytest.mark.long
 def test_intervals_of_three_hundred_devices_cover() -> None:
     """95 % intervals of every entry of both matrices hold 93 to 97.5 % of the truth."""
-    found = np.concatenate([_misses(1000 + k, 2 + k % 2, rows=10_000) for k in range(300)])
+    found = np.concatenate([misses(1000 + k, 2 + k % 2, rows=10_000) for k in range(300)])
     assert 0.93 < np.mean(np.abs(found) < 1.96) < 0.975
 
 
@@ -172,15 +163,6 @@ def test_ends_of_matrices_are_those_of_the_worst_directions(planar: Device) -> N
         assert largest.value == pytest.approx(np.max(high), rel=1e-5)
 
 
-def test_filtered_methods_agree_with_the_truth() -> None:
-    seen = motion(MASS, DAMPING, FRICTION, seed=4)
-    for method in ("least-squares", "instruments"):
-        device = identify(seen.log(), hardware=hardware(), method=method).device
-        assert device.poses is not None
-        assert np.allclose(device.poses[0].mass, MASS, rtol=0.02)
-        assert {log.method for log in device.logs} == {method}
-
-
 def test_a_force_with_the_other_sign_is_named_with_its_axis() -> None:
     """By any method, though most of them find no mass to start from."""
     seen = motion(MASS, DAMPING, FRICTION, seed=2)
@@ -194,18 +176,16 @@ def test_a_force_with_the_other_sign_is_named_with_its_axis() -> None:
         assert found.remedy.startswith("Negate the force of y")
 
 
-@pytest.mark.parametrize(("part", "severity"), [(0.3, "warning"), (1.0, "refusal")])
-def test_friction_of_joints_is_told_with_its_direction(part: float, severity: str) -> None:
+@pytest.mark.parametrize(("part", "refused"), [(0.3, ()), (1.0, ("unmodelled-force",))])
+def test_friction_of_joints_is_told_with_its_direction(
+    part: float, refused: tuple[str, ...]
+) -> None:
     """At 30° to the axes it looks like damping; what is told of it is taken out."""
     turn = np.pi / 6
     joints = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    seen = motion(MASS, DAMPING, part * FRICTION, seed=1, joints=joints)
-    allowed = () if severity == "warning" else ("unmodelled-force",)
-    if allowed:
-        with pytest.raises(LogRefusedError) as refused:
-            identify(seen.log(), hardware=hardware())
-        assert {each.code for each in refused.value.findings} == {"unmodelled-force"}
-    found = identify(seen.log(), hardware=hardware(), allow=allowed)
+    seen = motion(MASS, DAMPING, part * FRICTION, seed=1, joints=joints, rows=2500)
+    found = identify(seen.log(), hardware=hardware(), allow="unmodelled-force")
+    assert found.device.logs[0].allowed == refused
     (told,) = (each for each in found.findings if each.code == "unmodelled-force")
     friction, x, y = map(
         float, re.findall(r"of (\S+) N acts along \((\S+) x, (\S+) y", told.seen)[0]
@@ -228,7 +208,7 @@ def test_what_no_encoder_explains_is_fitted_by_least_squares_within_its_interval
     seed: int, drift: float
 ) -> None:
     """A force beside the logged one; what moves the others hides the delay of each axis."""
-    seen = motion(MASS, DAMPING, FRICTION, seed=seed)
+    seen = motion(MASS, DAMPING, FRICTION, seed=seed, rows=2500)
     chance = np.random.default_rng(seed)
     beside = drift * np.cumsum(chance.standard_normal(seen.force.shape), axis=1)
     log = replace(seen, force=seen.force - beside + beside.mean(axis=1, keepdims=True)).log()
@@ -284,17 +264,6 @@ def test_what_is_felt_in_every_direction_is_drawn_with_each_element(profile: Saf
         assert [found[name].min(), found[name].max()] == pytest.approx(wanted, rel=1e-3)
 
 
-def test_poses_are_enveloped() -> None:
-    """Two logs at two poses: every direction of both is in the box."""
-    seen = [motion(part * MASS, DAMPING, FRICTION, seed=5) for part in (1.0, 1.5)]
-    device = identify([each.log() for each in seen], hardware=hardware()).device
-    assert device.poses is not None
-    assert len(device.poses) == 2
-    box = device.simultaneous_box()
-    assert box.mass[0] < 2.0
-    assert box.mass[1] > 6.0
-
-
 @cache
 def one_after_another(heavier: float = 1.0) -> tuple[ident.Trajectories, ...]:
     """A log of each axis, of which the other is driven by nothing and moves with it."""
@@ -304,7 +273,7 @@ def one_after_another(heavier: float = 1.0) -> tuple[ident.Trajectories, ...]:
     )
 
 
-@pytest.mark.parametrize("method", ["auto", "least-squares", "instruments"])
+@pytest.mark.parametrize("method", ["auto", "instruments"])
 def test_axes_driven_one_after_another_make_one_pose(method: ident.Method) -> None:
     logs = one_after_another()
     device = identify(logs, hardware=hardware(), method=method).device
@@ -320,11 +289,15 @@ def test_axes_driven_one_after_another_make_one_pose(method: ident.Method) -> No
 
 
 def test_logs_of_axes_one_after_another_are_poses_in_their_order() -> None:
+    """Every direction of each pose is in the box."""
     logs = (*one_after_another(), *one_after_another(1.5))
-    poses = identify(logs, hardware=hardware(), method="least-squares").device.poses
-    assert poses is not None
-    for pose, heavier in zip(poses, (1.0, 1.5), strict=True):
+    device = identify(logs, hardware=hardware(), method="least-squares").device
+    assert device.poses is not None
+    for pose, heavier in zip(device.poses, (1.0, 1.5), strict=True):
         assert np.array(pose.mass) == pytest.approx(heavier * MASS, rel=0.01)
+    box = device.simultaneous_box()
+    assert box.mass[0] < 2.0
+    assert box.mass[1] > 6.0
 
 
 def test_logs_that_leave_an_axis_alone_are_refused_with_its_name() -> None:
@@ -356,16 +329,15 @@ def test_a_spring_on_one_of_several_axes_is_refused_with_what_it_moves() -> None
     assert "springs" in found.remedy
 
 
-class _Loop:
+class Loop:
     """Both axes, sampled, held, delayed and filtered, with one law on both and a wall."""
 
     def __init__(self, profile: SafeProfile, mass: FloatArray, damping: FloatArray) -> None:
-        one = np.eye(2)
         plant = np.zeros((6, 6))
-        plant[:2, 2:4] = one
+        plant[:2, 2:4] = np.eye(2)
         plant[2:4, 2:4] = -np.linalg.solve(mass, damping)
         plant[2:4, 4:] = np.linalg.inv(mass)
-        self.held = expm(plant * STEP)
+        self.held = expm(plant * STEP)[:4]
         loop = profile.loop
         velocity, acceleration = loop.velocity_filter_hz, loop.acceleration_filter_hz
         assert isinstance(velocity, float)
@@ -381,48 +353,38 @@ class _Loop:
     ) -> float:
         """Largest modulus of a pole but for those of free motion; gains are K, B and M."""
         along = np.array([np.cos(normal), np.sin(normal)])
-        one = np.eye(2)
         k, b, m = (
-            g * one + w * np.outer(along, along) for g, w in zip(everywhere, wall, strict=True)
+            g * np.eye(2) + w * np.outer(along, along)
+            for g, w in zip(everywhere, wall, strict=True)
         )
-        # States: q, q̇, readings one and two ago, filtered velocity, acceleration now and before.
-        size, wait = 14, 1 + late
-        q, v, last, before, slow, now, old = (slice(i, i + 2) for i in range(0, size, 2))
-        rows = np.zeros((3, 2, size + 2 * wait))
-        rows[0][:, q] = one
-        rows[1][:, slow] = self.a * one
-        rows[1][:, q] = (1 - self.a) / STEP * one
-        rows[1][:, last] = -rows[1][:, q]
-        fresh = (1 - self.t + self.p) / STEP**2
-        rows[2][:, now], rows[2][:, old] = self.t * one, -self.p * one
-        rows[2][:, q], rows[2][:, last], rows[2][:, before] = (
-            fresh * one,
-            -2 * fresh * one,
-            fresh * one,
-        )
-        total = np.zeros((size + 2 * wait, size + 2 * wait))
-        acting = slice(size, size + 2)
-        total[q, q], total[q, v], total[q, acting] = one, self.held[:2, 2:4], self.held[:2, 4:]
-        total[v, v], total[v, acting] = self.held[2:4, 2:4], self.held[2:4, 4:]
-        total[last, q], total[before, last] = one, one
-        total[slow], total[now], total[old, now] = rows[1], rows[2], one
-        for start in range(size, size + 2 * wait - 2, 2):
-            total[start : start + 2, start + 2 : start + 4] = one
-        total[-2:] = -(k @ rows[0] + b @ rows[1] + m @ rows[2])
-        found = np.linalg.eigvals(total)
+
+        def after(state: FloatArray) -> FloatArray:
+            """A sample later: q, q̇, two readings, filtered velocity, two accelerations, forces."""
+            q, v, last, before, slow, now, old, *sent = state.reshape(-1, 2)
+            slow = self.a * slow + (1 - self.a) / STEP * (q - last)
+            fresh = (1 - self.t + self.p) / STEP**2 * (q - 2 * last + before)
+            new = self.t * now - self.p * old + fresh
+            moved = self.held @ np.concatenate((q, v, sent[0]))
+            force = -(k @ q + b @ slow + m @ new)
+            return np.concatenate((moved, q, last, slow, new, now, *sent[1:], force))
+
+        found = np.linalg.eigvals(np.array([after(unit) for unit in np.eye(16 + 2 * late)]).T)
         free = 2 - np.linalg.matrix_rank(k)
         return float(np.max(np.abs(found[np.argsort(np.abs(found - 1.0))][free:])))
 
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with the bundled log of two axes and what the demo makes of it."""
+    """A folder with the bundled log of two axes and what the demo makes of it, filters stated."""
     folder = tmp_path_factory.mktemp("planar")
     shutil.copy(bundled_path("planar.csv"), folder / "log.csv")
     shutil.copy(bundled_path("planar.hardware.yaml"), folder / "hardware.yaml")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        ended = haptune("demo", "--planar")
+        text = template("scene").replace("velocity_filter_hz: free", "velocity_filter_hz: 48.8")
+        scene = text.replace("acceleration_filter_hz: free", "acceleration_filter_hz: 28.25")
+        with mock.patch("tune.cli.profiles.template", return_value=scene):
+            ended = haptune("demo", "--planar")
         assert ended.code == 0, ended.err
         assert "along (0.8" in ended.out
         yield folder
@@ -435,8 +397,7 @@ def test_the_bundled_log_is_what_it_is_said_to_be() -> None:
 
 def test_what_is_tuned_is_stable_in_every_direction(room: Path) -> None:
     """Poles of both axes at once, with every wall normal, gain and delay that is claimed."""
-    truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
-    mass, damping = np.array(truth["mass"]), np.array(truth["damping"])
+    mass, damping = np.array(PLANE["mass"]), np.array(PLANE["damping"])
     profile = load_profile(room / "profile.yaml")
     elements = profile.elements
     gains = {n: np.array([e.stiffness, e.damping, e.mass]) for n, e in elements.items()}
@@ -445,7 +406,7 @@ def test_what_is_tuned_is_stable_in_every_direction(room: Path) -> None:
     box = profile.device.simultaneous_box()
     assert box.mass[0] < np.linalg.eigvalsh(mass)[0]
     assert np.linalg.eigvalsh(mass)[-1] < box.mass[1]
-    loop = _Loop(profile, mass, damping)
+    loop = Loop(profile, mass, damping)
     worst, normals = 0.0, np.linspace(0, np.pi, 50, endpoint=False)
     for names in profile.combinations():
         walls = sum((gains[n] for n in names if elements[n].one_sided), np.zeros(3))
@@ -457,7 +418,7 @@ def test_what_is_tuned_is_stable_in_every_direction(room: Path) -> None:
                     worst = max(worst, found)
     assert worst < 1
     # The limit is near: four times the gain is not stable along the lightest direction.
-    along = float(np.arctan2(*np.linalg.eigh(mass)[1][::-1, 0]))
+    along = float(np.arctan2(*LIGHT[::-1]))
     assert loop.largest_pole(np.zeros(3), 4 * gains["wall"], along, 1) > 1
 
 
@@ -465,8 +426,6 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
     room: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(room)
-    ended = haptune("check", "profile.yaml")
-    assert ended.code == 0, ended.err
     profile = load_profile("profile.yaml")
     (of_axes,) = (each for each in profile.certificate.assumes if "every axis of x, y" in each)
     # What the guard plays: a room of any angles of one wall, several walls along one line alone.
@@ -476,8 +435,6 @@ def test_a_profile_of_several_axes_goes_on_to_a_guard(
     assert "x, y together: haptune_axes_force" in ended.out
     law = json.loads(export(profile, "json")["haptune_profile.json"])["law"]
     assert "vectors of all axes" in law
-    ended = haptune("doctor", "log.csv", *COLUMNS, "--hardware", "hardware.yaml")
-    assert ended.code == 0, ended.err
     ended = haptune("report", "profile.yaml", "log.csv", *COLUMNS, "-o", "report.html", "--quiet")
     assert ended.code == 0, ended.err
 
@@ -694,9 +651,9 @@ def nearest(point: FloatArray, normals: FloatArray, offsets: FloatArray) -> Floa
     return np.asarray(point - left[:-1] / left[-1])
 
 
-@pytest.mark.parametrize(("axes", "count"), [(2, 3), (2, 7), (3, 4), (3, 16), (6, 9)])
+@pytest.mark.parametrize(("axes", "counts"), [(2, (3, 7)), (3, (4, 16)), (6, (9,))])
 def test_a_wall_pushes_back_to_the_nearest_place_of_its_room(
-    axes: int, count: int, tmp_path: Path
+    axes: int, counts: tuple[int, ...], tmp_path: Path
 ) -> None:
     """A hand that has come to rest beyond faces of any angles, sharp corners among them."""
     made = on_axes(axes)
@@ -704,7 +661,7 @@ def test_a_wall_pushes_back_to_the_nearest_place_of_its_room(
     made = made.model_copy(update={"elements": {**made.elements, "wall": wall}}).signed()
     guard = GuardOfAxes(made, tmp_path / "guard")
     cuts = 0
-    for seed in range(8):
+    for count, seed in itertools.product(counts, range(8)):
         chance = np.random.default_rng(seed)
         normals = chance.normal(size=(count, axes))
         normals[-1] = 0.05 * normals[-1] - normals[0]  # a narrow wedge
@@ -858,6 +815,18 @@ def test_the_law_of_axes_in_python_keeps_to_the_guard(
     assert seen == set(STATUS)
 
 
+def rig_of(mass: ArrayLike, damping: ArrayLike, friction: ArrayLike = 0.0) -> RigOfAxes:
+    """A true device, with a sample of delay and counts of 6 µm."""
+    return RigOfAxes(
+        mass=np.array([mass]),
+        damping=np.array([damping]),
+        coulomb_friction=np.array([np.broadcast_to(friction, len(np.array(mass)))]),
+        sample_time=STEP,
+        delay=STEP,
+        encoder_resolution=6e-6,
+    )
+
+
 def test_the_guard_of_all_axes_makes_nothing_grow(profile: SafeProfile, guard: GuardOfAxes) -> None:
     """The compiled guard on the true device without friction: fast into corners, or adversely held.
 
@@ -865,15 +834,8 @@ def test_the_guard_of_all_axes_makes_nothing_grow(profile: SafeProfile, guard: G
     fluid switched at any moment: however fast it comes in, the device ends slower, nothing is above
     the peak, and no wall pulls.
     """
-    truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
-    rig = RigOfAxes(
-        mass=np.array([truth["mass"]]),
-        damping=np.array([truth["damping"]]),
-        sample_time=STEP,
-        delay=STEP,
-        encoder_resolution=6e-6,
-    )
-    for seed in range(8):
+    rig = rig_of(PLANE["mass"], PLANE["damping"])
+    for seed in range(4):
         angles = 0.3 + 2 * np.pi * np.arange(4 - seed % 2) / (4 - seed % 2)
         room = np.column_stack([np.cos(angles), np.sin(angles)])
         nothing_grows(guard, profile, rig, room, seed)
@@ -907,13 +869,7 @@ def test_the_guard_of_a_random_device_makes_nothing_grow(seed: int, tmp_path: Pa
     for word, size in sizes.items():
         text = text.replace(word, f"{size:.3g}")
     made = optimise(device, ident.parse_document(Scene, ident.load_mapping("scene", text), "scene"))
-    rig = RigOfAxes(
-        mass=mass[None],
-        damping=damping[None],
-        sample_time=STEP,
-        delay=STEP,
-        encoder_resolution=6e-6,
-    )
+    rig = rig_of(mass, damping)
     turned = np.linalg.qr(chance.standard_normal((axes, axes)))[0]
     guard = GuardOfAxes(made, tmp_path / "guard")
     sharp = chance.standard_normal((axes + 1, axes))
@@ -962,9 +918,6 @@ def nothing_grows(
     assert energy[-1] < 0.5 * energy[35]
 
 
-#: The bundled device in the plane, and the directions in which it is lightest and heaviest.
-PLANE = ident.load_mapping(bundled_path("planar.truth.yaml"))
-LIGHT, HEAVY = np.linalg.eigh(np.array(PLANE["mass"]))[1].T
 #: Part of the full gain, the sample at which the hand lets go, and s until it has.
 GAIN, GONE, RELEASE = 0.9, 700, 0.702
 
@@ -983,14 +936,8 @@ def played(
     The hand's force is beside what it takes to slide each axis. Forces of the guard reach the
     motors, and the log, times those told of each axis. What ``holds`` is friction of each axis.
     """
-    rig = RigOfAxes(
-        mass=np.array([PLANE["mass"]]),
-        damping=np.array([PLANE["damping"]]),
-        coulomb_friction=np.array([PLANE["coulomb_friction"]]) if holds is None else holds[None],
-        sample_time=STEP,
-        delay=STEP,
-        encoder_resolution=6e-6,
-    )
+    friction = PLANE["coulomb_friction"]
+    rig = rig_of(PLANE["mass"], PLANE["damping"], friction if holds is None else holds)
     guard.start()
     chosen = 0 if normal is not None else guard.bits[element]
     if normal is None:
@@ -1005,7 +952,7 @@ def played(
         return commands[-1][None]
 
     pushed = np.zeros((1, 2500, 2))
-    pushed[0, :GONE] = hand + np.sign(hand) * PLANE["coulomb_friction"]
+    pushed[0, :GONE] = hand + np.sign(hand) * friction
     position = rig.run(pushed, law=law).position[0]
     force: FloatArray = np.round(np.array(commands), 5).astype(np.float64)
     return ident.Trajectories(

@@ -10,14 +10,9 @@ import pytest
 
 import identification as ident
 from datasets_synthetic import bundled_path
-from identification import Device, Hardware, LogRefusedError, identify
+from identification import Device, LogRefusedError, identify
 from tests.commands import haptune
-from tests.planar import DAMPING, FRICTION, HARDWARE, MASS, motion
-
-
-def _hardware(**given: object) -> Hardware:
-    content = ident.load_mapping("hardware.yaml", HARDWARE) | given
-    return ident.parse_document(Hardware, content, "hardware.yaml")
+from tests.planar import COLUMNS, DAMPING, FRICTION, MASS, hardware, motion
 
 
 @pytest.mark.parametrize("code", ["repeated-rows", "lost-rows"])
@@ -36,7 +31,7 @@ def test_rows_of_several_axes_that_are_not_one_sample_each_are_refused(code: str
         ),
     )
     with pytest.raises(LogRefusedError) as refused:
-        identify(wrong, hardware=_hardware())
+        identify(wrong, hardware=hardware())
     found = [each for each in refused.value.findings if each.code == code]
     assert found
     assert all("of several axes" in each.seen for each in found)
@@ -49,7 +44,7 @@ def test_a_force_of_one_axis_in_another_unit_is_refused(method: ident.Method, ga
     x, y = log.axes
     wrong = replace(log, axes=(x, replace(y, force=gain * y.force)))
     with pytest.raises(LogRefusedError) as refused:
-        identify(wrong, hardware=_hardware(), method=method)
+        identify(wrong, hardware=hardware(), method=method)
     (found,) = (each for each in refused.value.findings if each.severity == "refusal")
     assert found.code == "force-unit"
     numbers = [float(word) for word in found.seen.split() if word[0].isdecimal()]
@@ -65,7 +60,7 @@ def test_a_force_between_axes_is_no_gain_of_one() -> None:
     force = seen.force.copy()
     force[..., 1] += 2.0 * seen.speed[..., 0]
     with pytest.raises(LogRefusedError) as refused:
-        identify(replace(seen, force=force).log(), hardware=_hardware())
+        identify(replace(seen, force=force).log(), hardware=hardware())
     assert "force-unit" not in {each.code for each in refused.value.findings}
     assert "no gain mends both" in str(refused.value)
 
@@ -171,11 +166,10 @@ def test_each_refusal_names_the_axis_it_is_about() -> None:
 def test_a_refusal_of_one_log_of_several_names_the_log() -> None:
     shutil.copy(bundled_path("planar.csv"), "good.csv")
     write(np.loadtxt("good.csv", delimiter=",", skiprows=1) * [1, 1, 0, 1, 1])
-    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
     for logs, said in (
         (("log.csv",), "axes-not-told-apart: no force of its own moves y"),
         (("good.csv", "log.csv"), "axes-not-told-apart: log.csv: no force of its own moves y"),
     ):
-        ended = haptune("identify", *logs, *columns)
+        ended = haptune("identify", *logs, *COLUMNS)
         assert ended.code == 4
         assert said in ended.err

@@ -33,15 +33,10 @@ _FIRST_LOOK = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """Where a push no longer dies out; each array shape (batch,), in multiples of the given gains.
+    """Where a push no longer dies out, shape (batch,), in multiples of the given gains."""
 
-    Attributes:
-        low: the largest gain tried below which, and at which, every push died out.
-        high: the smallest gain tried at which a push lasted; inf if none did.
-    """
-
-    low: FloatArray
-    high: FloatArray
+    low: FloatArray  # the largest gain tried below which, and at which, every push died out
+    high: FloatArray  # the smallest gain tried at which a push lasted; inf if none did
 
     @property
     def middle(self) -> FloatArray:

@@ -1,7 +1,7 @@
 """A family of logs: one device, one motion and one kind of imperfection, any number of seeds."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -30,17 +30,11 @@ _TRUE = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """What moves a device, noise apart.
+    """What moves a device, noise apart."""
 
-    Attributes:
-        force: N (N·m), shape (1, n): all of it, or the feed-forward of the servo.
-        start: position at t = 0, m (rad).
-        servo: that follows a logged reference, or None in open loop.
-    """
-
-    force: FloatArray
-    start: float
-    servo: Servo | None = None
+    force: FloatArray  # N (N·m), shape (1, n): all of it, or the feed-forward of the servo
+    start: float  # position at t = 0, m (rad)
+    servo: Servo | None = None  # that follows a logged reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,25 +42,15 @@ class Family:
     """Logs that differ by seed in their noise, their jitter and their lost rows only.
 
     So the scatter of an estimate over seeds is its statistical error and its mean is its bias.
-
-    Attributes:
-        name: of the family.
-        rig: the true device, one member.
-        drive: computes what moves it.
-        faults: noise.
-        hand: on the device, or None.
-        clock: uneven stamps and lost rows, or None.
-        hardware: what would be stated of the device beside its log, or None. The delay is not
-            stated unless the family is about it.
     """
 
     name: str
     rig: Rig
     drive: Callable[[], Drive]
-    faults: Faults = field(default_factory=Faults)
+    faults: Faults
     hand: Hand | None = None
     clock: Clock | None = None
-    hardware: Hardware | None = None
+    hardware: Hardware | None = None  # stated beside a log; its delay where the family is about it
 
     @property
     def truth(self) -> Mapping[str, float]:

@@ -22,16 +22,9 @@ _NOTHING = Hardware()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One faulty log.
+    """One faulty log, and what is known beside it."""
 
-    Attributes:
-        code: of the finding it must have, plain and severe; mild it may.
-        level: how bad it is.
-        log: its columns.
-        hardware: what is known beside it; its motion is that of the log.
-    """
-
-    code: str
+    code: str  # of the finding it must have, plain and severe; mild it may
     level: Level
     log: RawLog
     hardware: Hardware
@@ -58,9 +51,7 @@ def cases(seed: int, codes: Collection[str] | None = None) -> tuple[Case, ...]:
             arrays.backward(third, 0, 0.0, seed),
         ),
         "encoder-wrap": lambda: tuple(map(arrays.wrapped, three, (0.98, 0.5, 0.1))),
-        "sign-flip": lambda: tuple(
-            arrays.in_units(log, force=-1.0) for log in (first, second, third)
-        ),
+        "sign-flip": lambda: tuple(arrays.in_units(log, force=-1.0) for log in three),
         "gravity": lambda: machines.on_an_arm(seed),
         "stiction": lambda: machines.sticking(seed),
         "hand-on-device": lambda: machines.held(seed),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from datasets_synthetic import Clock, Controller, Faults, Hand, Rig, simulate
+from datasets_synthetic import Clock, Controller, Faults, Hand, Recording, Rig, simulate
 from tests.outside_axis import Axis, Body, Drive, play
 from tests.simulated.catalogue.motions import Course, multisine
 from tests.simulated.catalogue.raw import RawLog
@@ -42,7 +42,10 @@ def _force(rig: Rig, course: Course) -> FloatArray:
 
 
 def _three(rig: Rig, force: FloatArray, seed: int, faults: Faults = _NOISE) -> Three:
-    recording = simulate(rig, force, faults=faults, seed=(seed, seed + 1, seed + 2))
+    return _logs(simulate(rig, force, faults=faults, seed=(seed, seed + 1, seed + 2)))
+
+
+def _logs(recording: Recording) -> Three:
     return RawLog.of(recording, 0), RawLog.of(recording, 1), RawLog.of(recording, 2)
 
 
@@ -188,8 +191,7 @@ def held(seed: int) -> Three:
         tremor=np.array([0.01, 0.25, 0.6]),
         wander=np.array([0.0, 0.003, 0.01]),
     )
-    recording = simulate(_RIG, _force(_RIG, _course(seed)), hand=hand, faults=_NOISE, seed=seed)
-    return RawLog.of(recording, 0), RawLog.of(recording, 1), RawLog.of(recording, 2)
+    return _logs(simulate(_RIG, _force(_RIG, _course(seed)), hand=hand, faults=_NOISE, seed=seed))
 
 
 def rendered(seed: int) -> Three:

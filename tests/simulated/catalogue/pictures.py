@@ -5,7 +5,7 @@
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,23 +33,14 @@ _FLAT = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """What of a log shows a fault.
-
-    Attributes:
-        abscissa: label of the horizontal axis.
-        ordinate: label of the vertical axis.
-        points: log -> abscissa (n,) and ordinate (n,).
-        style: of matplotlib.
-        seconds: shown part of the log from its first quarter on, s; None for all.
-        level: of the catalogue's three logs.
-    """
+    """What of a log shows a fault: labels of both axes, and what they show."""
 
     abscissa: str
     ordinate: str
     points: Callable[[RawLog], tuple[FloatArray, FloatArray]]
     style: str = "-"
-    seconds: float | None = None
-    level: str = "plain"
+    seconds: float | None = None  # shown from the first quarter of the log on; None for all
+    level: str = "plain"  # of the catalogue's three logs
 
 
 def _position(log: RawLog) -> tuple[FloatArray, FloatArray]:
@@ -128,13 +119,16 @@ _PLACE = View(abscissa=_MM, ordinate=_N, points=_over_position, style=",")
 _MOVES = View(
     abscissa=_TIME, ordinate="step of position, mm", points=_moves, style=".", seconds=0.5
 )
+_PUSHED = View(abscissa="acceleration, m/s²", ordinate=_N, points=_over_acceleration, style=",")
+_FRICTION = View(abscissa="velocity, m/s", ordinate="friction, N", points=_friction, style=",")
+_RINGING = replace(_LEFT, seconds=2.0, level="severe")
 
 #: What tells a code, where unexplained force over time does not.
 VIEWS: dict[str, View] = {
     "not-exciting-mass": _SPEED,
     "not-exciting-damping": _SPEED,
-    "few-counts": View(abscissa=_TIME, ordinate=_MM, points=_position, seconds=0.5),
-    "force-saturated": View(abscissa=_TIME, ordinate=_N, points=_force, seconds=0.5),
+    "few-counts": replace(_POSITION, seconds=0.5),
+    "force-saturated": replace(_FORCE, seconds=0.5),
     "force-unit": _FORCE,
     "not-stated": _FORCE,
     "dropped-samples": _STEPS,
@@ -143,63 +137,25 @@ VIEWS: dict[str, View] = {
     "jitter": _STEPS,
     "clock-backward": _STEPS,
     "encoder-wrap": _POSITION,
-    "sign-flip": View(
-        abscissa="acceleration, m/s²", ordinate=_N, points=_over_acceleration, style=","
-    ),
+    "sign-flip": _PUSHED,
     "gravity": View(
         abscissa="position, mm (mrad)",
         ordinate="unexplained force, N",
         points=_unexplained_over_position,
         style=",",
     ),
-    "stiction": View(abscissa=_TIME, ordinate=_MM, points=_position, level="severe"),
+    "stiction": replace(_POSITION, level="severe"),
     "controller-identified": _PLACE,
-    "delay-unknown": View(
-        abscissa="acceleration, m/s²", ordinate=_N, points=_over_acceleration, style=","
-    ),
-    "delay-contradicted": View(
-        abscissa="acceleration, m/s²",
-        ordinate=_N,
-        points=_over_acceleration,
-        style=",",
-        level="severe",
-    ),
-    "non-finite": View(
-        abscissa=_TIME, ordinate=_N, points=_force, style=".-", seconds=0.1, level="severe"
-    ),
+    "delay-unknown": _PUSHED,
+    "delay-contradicted": replace(_PUSHED, level="severe"),
+    "non-finite": replace(_FORCE, style=".-", seconds=0.1, level="severe"),
     "constant-column": _POSITION,
     "too-short": _POSITION,
-    "vibration-mode": View(
-        abscissa=_TIME,
-        ordinate="unexplained force, N",
-        points=_unexplained_over_time,
-        seconds=2.0,
-        level="severe",
-    ),
-    "backlash": View(
-        abscissa=_TIME,
-        ordinate="unexplained force, N",
-        points=_unexplained_over_time,
-        seconds=2.0,
-        level="severe",
-    ),
-    "drive-lag": View(
-        abscissa="velocity, m/s",
-        ordinate="friction, N",
-        points=_friction,
-        style=",",
-        level="severe",
-    ),
-    "load-friction": View(
-        abscissa="velocity, m/s",
-        ordinate="friction, N",
-        points=_friction,
-        style=",",
-        level="severe",
-    ),
-    "unmodelled-force": View(
-        abscissa="velocity, m/s", ordinate="friction, N", points=_friction, style=","
-    ),
+    "vibration-mode": _RINGING,
+    "backlash": _RINGING,
+    "drive-lag": replace(_FRICTION, level="severe"),
+    "load-friction": replace(_FRICTION, level="severe"),
+    "unmodelled-force": _FRICTION,
 }
 
 

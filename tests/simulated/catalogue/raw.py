@@ -16,15 +16,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawLog:
-    """Columns that need not make a Trajectory; arrays of one length n.
-
-    Attributes:
-        time: s.
-        force: N (N·m), unless a fault says otherwise.
-        position: m (rad), likewise.
-        reference: m (rad), or None.
-        motion: "linear" or "rotary".
-    """
+    """Columns that need not make a Trajectory; arrays of one length, SI unless a fault says so."""
 
     time: FloatArray
     force: FloatArray

@@ -1,5 +1,6 @@
 """Small good logs in every packed kind, and what reading a bad one says."""
 
+import struct
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import polars as pl
 import pytest
 import scipy.io
+from mcap.writer import Writer as BagWriter
 
 from identification import InvalidInputError, LogColumns, LogRefusedError, load_trajectory
 
@@ -41,6 +43,24 @@ def mat(folder: Path, **columns: Any) -> Path:
 def csv(folder: Path, **columns: Any) -> Path:
     path = folder / "log.csv"
     pl.DataFrame(GOOD | columns).write_csv(path)
+    return path
+
+
+def bag_of(
+    folder: Path, definition: str, rest: bytes, *, name: str = "axis", count: int = ROWS
+) -> Path:
+    """A bag of messages of two numbers, of a type and on a topic of a name, and what follows."""
+    path = folder / "log.mcap"
+    with path.open("wb") as stream:
+        writer: Any = BagWriter(stream)
+        writer.start("ros2", name)
+        text = f"float64 position\nfloat64 force\n{definition}"
+        schema = writer.register_schema(name, "ros2msg", text.encode())
+        channel = writer.register_channel(f"/{name}", "cdr", schema)
+        for k in range(count):
+            data = b"\0\1\0\0" + struct.pack("<dd", 0.01 * k, 1.0) + rest
+            writer.add_message(channel, log_time=10**6 * k, data=data, publish_time=10**6 * k)
+        writer.finish()
     return path
 
 

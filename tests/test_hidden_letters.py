@@ -3,17 +3,12 @@
 import copy
 import functools
 import json
-import struct
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import openpyxl
 import pytest
-import scipy.io
-from mcap.writer import Writer
 
 from identification import (
     InvalidInputError,
@@ -27,7 +22,8 @@ from identification import (
 )
 from tests.commands import FLUID, SCHEMAS, Ended, digest_of, haptune
 from tests.mutations import DOCUMENTS
-from tests.packed_logs import FORCE, GOOD, POSITION, SAMPLES, TIME
+from tests.packed_logs import FORCE, SAMPLES, bag_of, mat, npz
+from tests.test_log_workbooks import workbook
 from tests.thinned import thinned
 from tune import Scene, optimise
 
@@ -148,51 +144,36 @@ def test_no_text_of_a_document_comes_out(kind: str, one_in: int) -> None:
             assert_clean(ended, *Path().glob("page.html"))
 
 
-def _csv() -> tuple[str, ...]:
+def _csv() -> tuple[Path | str, ...]:
     rows = "".join(f"{t:.3f},{f:.6f},{p:.6f},1\n" for t, f, p in SAMPLES)
-    Path("log.csv").write_text(f"time,{NAME} [N],position,{NAME}\n{rows}", encoding="utf-8")
-    return "log.csv", "--force", NAME + " [N]"
+    path = Path("log.csv")
+    path.write_text(f"time,{NAME} [N],position,{NAME}\n{rows}", encoding="utf-8")
+    return path, "--force", NAME + " [N]"
 
 
-def _mat() -> tuple[str, ...]:
+def _mat() -> tuple[Path | str, ...]:
     name = NAME.replace("\u202e", "\x9b")  # names are of Latin letters
-    scipy.io.savemat("log.mat", {"time": TIME, name: FORCE, "position": POSITION, f"{name}2": 1.0})
-    return "log.mat", "--force", name
+    return mat(Path(), **{name: FORCE, f"{name}2": 1.0}), "--force", name
 
 
-def _npz() -> tuple[str, ...]:
-    np.savez("log.npz", **{**GOOD, NAME: FORCE})
-    return "log.npz", "--force", NAME
+def _npz() -> tuple[Path | str, ...]:
+    return npz(Path(), **{NAME: FORCE}), "--force", NAME
 
 
-def _xlsx() -> tuple[str, ...]:
-    book: Any = openpyxl.Workbook()
-    book.active.title = "\u202esheet"
-    book.active.append(("time", "\u202eforce\u2066 [N]", "position"))
-    for row in SAMPLES:
-        book.active.append(row)
-    book.create_sheet("\u2066other")
-    book.save("log.xlsx")
-    return "log.xlsx", "--force", "\u202eforce\u2066"
+def _xlsx() -> tuple[Path | str, ...]:
+    header = ("time", "\u202eforce\u2066 [N]", "position")
+    sheets = {"\u202esheet": [header, *SAMPLES], "\u2066other": []}
+    return workbook(Path(), sheets=sheets), "--force", "\u202eforce\u2066"
 
 
-def _mcap() -> tuple[str, ...]:
-    with Path("log.mcap").open("wb") as stream:
-        writer: Any = Writer(stream)
-        writer.start("ros2", NAME)
-        text = f"float64 position\nfloat64 force # {NAME}\n".encode()
-        schema = writer.register_schema(NAME, "ros2msg", text)
-        channel = writer.register_channel(f"/{NAME}", "cdr", schema)
-        for k in range(len(SAMPLES)):
-            data = b"\0\1\0\0" + struct.pack("<dd", 0.01 * k, 1.0)
-            writer.add_message(channel, log_time=10**6 * k, data=data, publish_time=10**6 * k)
-        writer.finish()
-    return "log.mcap", "--position", f"/{NAME}/position", "--force", f"/{NAME}/force"
+def _mcap() -> tuple[Path | str, ...]:
+    path = bag_of(Path(), f"# {NAME}\n", b"", name=NAME)
+    return path, "--position", f"/{NAME}/position", "--force", f"/{NAME}/force"
 
 
 @pytest.mark.parametrize("write", thinned([_csv, _mcap, _xlsx, _mat, _npz], 1))
-def test_no_name_of_a_log_comes_out(write: Callable[[], tuple[str, ...]]) -> None:
-    log, *options = write()
+def test_no_name_of_a_log_comes_out(write: Callable[[], tuple[Path | str, ...]]) -> None:
+    log, *options = map(str, write())
     named = Path(f"{NAME}{Path(log).suffix}")
     Path(log).rename(named)
     Path("hardware.yaml").write_text(DOCUMENTS["hardware"], encoding="utf-8")

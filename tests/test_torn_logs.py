@@ -22,7 +22,6 @@ import numpy as np
 import openpyxl
 import polars as pl
 import pytest
-from mcap.writer import Writer as BagWriter
 
 from identification import (
     InvalidInputError,
@@ -38,6 +37,7 @@ from tests.packed_logs import (
     SAMPLES,
     TIME,
     Writer,
+    bag_of,
     mat,
     npz,
     parquet,
@@ -85,9 +85,9 @@ def _each(text: str, count: int = _SHEETS) -> Iterable[bytes]:
 
 
 def cell(folder: Path) -> Path:
-    """One cell of 800 MB."""
+    """One cell of 600 MB."""
     start, end = b'<row r="302"><c r="A302" t="inlineStr"><is><t>', b"</t></is></c></row>"
-    text = repeat(b"x" * 1_000_000, 800)
+    text = repeat(b"x" * 1_000_000, 600)
     return _workbook(folder, {_SHEET: (b"</sheetData>", chain([start], text, [end]))})
 
 
@@ -104,26 +104,12 @@ def sheets(folder: Path) -> Path:
     return _workbook(folder, changes, sheets=_SHEETS)
 
 
-def _bag(folder: Path, definition: str, rest: bytes) -> Path:
-    """Twenty-five messages of two numbers and what follows them."""
-    path = folder / "log.mcap"
-    with path.open("wb") as stream:
-        writer: Any = BagWriter(stream)
-        writer.start("ros2", "")
-        text = f"float64 position\nfloat64 force\n{definition}"
-        schema = writer.register_schema("rig_msgs/msg/Axis", "ros2msg", text.encode())
-        channel = writer.register_channel("/axis", "cdr", schema)
-        for k in range(25):
-            data = b"\0\1\0\0" + struct.pack("<dd", 0.01 * k, 1.0) + rest
-            writer.add_message(channel, log_time=10**6 * k, data=data, publish_time=10**6 * k)
-        writer.finish()
-    return path
-
-
 def elements(folder: Path) -> Path:
     """Messages of a million elements."""
     one = struct.pack("<Ixxxx", 1)
-    return _bag(folder, "string[] names\n", struct.pack("<I", 1_000_000) + one * 1_000_000)
+    return bag_of(
+        folder, "string[] names\n", struct.pack("<I", 1_000_000) + one * 1_000_000, count=25
+    )
 
 
 BOMBS: dict[str, Callable[[Path], Path]] = {
@@ -203,6 +189,7 @@ def test_a_table_of_too_many_rows_is_refused_unread(tmp_path: Path) -> None:
     assert "more than the 20000000" in refusal(path)
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("write", [parquet, npz, mat])
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.999])
 def test_torn_files(tmp_path: Path, write: Writer, share: float) -> None:
@@ -224,6 +211,7 @@ def test_damaged_archives_never_show_a_traceback(tmp_path: Path, seed: int) -> N
         load_trajectory(path)
 
 
+@pytest.mark.usefixtures("read_here")
 @pytest.mark.parametrize("name", ["log.parquet", "log.npz", "log.mat"])
 def test_text_under_another_name(tmp_path: Path, name: str) -> None:
     path = tmp_path / name

@@ -1,17 +1,16 @@
 """Logs of every kind of device that a user may bring, from a simulator of its own.
 
-`table_of` gives a line a kind: logs that are usable, those refused of them, and answers that are
-wrong by more than two half-widths and 1 % in mass, 3 % in damping (its slopes counted). A log is
-usable if least squares with the device's true structure, its friction and forces known but for a
-factor, has the mass within 2 % and the damping within 5 %. The delay is stated where the seed is
-even.
+An answer is wrong by more than two half-widths and 1 % in mass, 3 % in damping (its slopes
+counted). A log is usable if least squares with the device's true structure, its friction and forces
+known but for a factor, has the mass within 2 % and the damping within 5 %. The delay is stated
+where the seed is even.
 """
 
 from __future__ import annotations
 
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import pi, sin
 from typing import Any
@@ -44,7 +43,6 @@ class OutsideLog:
     mass: float
     damping: tuple[float, float]  # least and largest slope of friction over the speeds seen
     usable: bool
-    halves: tuple[float, float]  # of the intervals that the true structure gives
 
 
 @dataclass(slots=True, kw_only=True)
@@ -303,7 +301,6 @@ def outside_log(kind: str, seed: int) -> OutsideLog:
         and 0.95 * least <= fitted[1] <= 1.05 * most
         and halves[0] <= 0.02 * mass
         and halves[1] <= 0.05 * axis.damping,
-        halves=halves,
     )
 
 
@@ -367,8 +364,6 @@ class Judged:
     refusals: list[str]  # codes that refuse; empty where the log is accepted
     wrong: str = ""  # "m", "b" or both
     low_above: bool = False  # the least damping stated is 3 % above the true least slope
-    mass_ratio: float = 0.0  # half-widths over those of the true structure
-    damping_ratio: float = 0.0
 
     @property
     def flagged(self) -> bool:
@@ -405,49 +400,24 @@ def judged(log: OutsideLog) -> Judged:
     least, most = log.damping
     apart = max(min(hull) - most, least - max(hull), 0.0)
     off, half = abs(mass.value - log.mass), (mass.high - mass.low) / 2
-    spread = (device.damping.high - device.damping.low) / 2
     return Judged(
         **said,
         refusals=[],
         wrong="m" * (off > max(2 * half, 0.01 * log.mass)) + "b" * (apart > 0.03 * least),
         low_above=min(low for low, _ in ranges) > 1.03 * least,
-        mass_ratio=half / log.halves[0],
-        damping_ratio=spread / log.halves[1],
     )
 
 
-def table_of(rows: Iterable[Judged]) -> str:
-    """A line a kind, one for all, one for hands."""
-    rows = list(rows)
-    hands = [each for each in rows if each.kind == "hand"]
-    others = [each for each in rows if each.kind != "hand"]
-    lines = [
-        f"{'kind':16} logs usable refused accepted wrong (m b) unflagged b_low  ratios m, b  "
-        "findings of the usable (refusals)"
-    ]
-    for kind in [*dict.fromkeys(each.kind for each in rows), "all but hands"]:
-        own = [each for each in rows if each.kind == kind] or others
-        use = [each for each in own if each.usable or kind == "hand"]
-        taken = [each for each in own if not each.refusals]
-        wrong = [each for each in taken if each.wrong]
-        known = [each for each in taken if each.usable]
-        ratios = [
-            float(np.median([getattr(each, name) for each in known] or [np.nan]))
-            for name in ("mass_ratio", "damping_ratio")
-        ]
-        said = Counter(code for each in use for code in each.codes if code not in NEUTRAL)
-        cut = Counter(code for each in use for code in each.refusals)
-        lines.append(
-            f"{kind:16} {len(own):4} {len(use):6} {sum(bool(each.refusals) for each in use):7} "
-            f"{len(taken):8} {len(wrong):5} ({sum('m' in each.wrong for each in wrong)} "
-            f"{sum('b' in each.wrong for each in wrong)}) "
-            f"{sum(not each.flagged for each in wrong):9} {sum(e.low_above for e in taken):6} "
-            f"{ratios[0]:8.1f} {ratios[1]:5.1f}  "
-            + ", ".join(f"{code} {count} ({cut[code]})" for code, count in said.most_common())
-        )
-    named = sum(bool(each.refusals) or "hand-on-device" in each.codes for each in hands)
-    said = sum("hand-on-device" in each.codes for each in others)
-    lines.append(
-        f"hands refused or named: {named} of {len(hands)}; said without: {said} of {len(others)}"
+def line_of(rows: Sequence[Judged]) -> str:
+    """What was made of the logs of one kind; findings are those of the usable, with refusals."""
+    use = [each for each in rows if each.usable]
+    taken = [each for each in rows if not each.refusals]
+    wrong = [each for each in taken if each.wrong]
+    said = Counter(code for each in use for code in each.codes if code not in NEUTRAL)
+    cut = Counter(code for each in use for code in each.refusals)
+    return (
+        f"{rows[0].kind}: {len(rows)} logs, {len(use)} usable, of them "
+        f"{sum(bool(each.refusals) for each in use)} refused; {len(taken)} accepted, "
+        f"{len(wrong)} wrong, of them {sum(not each.flagged for each in wrong)} without a finding; "
+        + ", ".join(f"{code} {count} ({cut[code]})" for code, count in said.most_common())
     )
-    return "\n".join(lines) + "\n"

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+import identification
 from datasets_synthetic import bundled_path, log_text
 from identification import load_trajectory
-from tests.commands import haptune
+from tests.commands import FLUID, haptune
 
 #: What stands in place of a number or a name.
 SCALARS = (
@@ -104,28 +105,6 @@ elements:
   water: {damping: 10.0, speed: 0.2, priority: 1}
   wall: {stiffness: {min: 50.0, max: 300.0}, penetration: 0.01}
 """
-_DEVICE = """schema: haptune/device/1
-name: axis
-axis: x
-motion: linear
-sample_time: 0.001
-mass: {value: 3.0, low: 2.7, high: 3.3}
-damping: {value: 10.0, low: 9.0, high: 11.0}
-coulomb_friction: {value: 0.8, low: 0.7, high: 0.9}
-force_offset: 0.0
-delay: 0.001
-encoder_resolution: 0.000006
-force_limit: {continuous: 14.0, peak: 28.0}
-"""
-_HARDWARE = """schema: haptune/hardware/1
-name: axis
-axis: x
-motion: linear
-sample_time: {value: 0.001, low: 0.000999, high: 0.001001}
-delay: 0.001
-encoder_resolution: 0.000006
-force_limit: {continuous: 14.0, peak: 28.0}
-"""
 _EXCITATION = """schema: haptune/excitation/1
 name: axis
 axis: x
@@ -141,10 +120,21 @@ damping: 10.0
 encoder_resolution: 0.000006
 delay: known
 """
-_FLUID = "elements: {water: {damping: 10.0}}\n"
+
+
+def _bare(path: Path) -> str:
+    """A good file without the comments above it."""
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    return "".join(line for line in lines if not line.startswith("#"))
+
 
 #: The good files: name, text.
-DOCUMENTS = {"scene": _SCENE, "device": _DEVICE, "hardware": _HARDWARE, "excitation": _EXCITATION}
+DOCUMENTS = {
+    "scene": _SCENE,
+    "device": _bare(Path(identification.__file__).parent / "device/named/homerehab.yaml"),
+    "hardware": _bare(bundled_path("homerehab.hardware.yaml")),
+    "excitation": _EXCITATION,
+}
 #: What reads the mutated file, hostile.yaml or the log.
 READERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "scene": (("tune", "device.yaml", "hostile.yaml", "--dry-run"),),
@@ -190,21 +180,13 @@ COMMANDS: dict[tuple[str, ...], tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How one case ended.
-
-    Attributes:
-        command: what was run.
-        code: exit code.
-        seconds: of the processor: others may be at work beside.
-        said: standard error, its beginning.
-        warned: warnings of libraries.
-    """
+    """How one case ended."""
 
     command: tuple[str, ...]
     code: int
-    seconds: float
-    said: str
-    warned: tuple[str, ...]
+    seconds: float  # of the processor: others may be at work beside
+    said: str  # standard error, its beginning
+    warned: tuple[str, ...]  # by libraries
 
 
 def prepare() -> None:
@@ -212,16 +194,16 @@ def prepare() -> None:
 
     They are kept in a folder of their own too: a case may name one of them as its output.
     """
-    for name, text in (*DOCUMENTS.items(), ("fluid", _FLUID)):
-        Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+    good = Path("good")
+    good.mkdir()
+    for name, text in (*DOCUMENTS.items(), ("fluid", FLUID)):
+        (good / f"{name}.yaml").write_text(text, encoding="utf-8")
     log = load_trajectory(bundled_path("homerehab.csv")).part(slice(0, 1000))
-    Path("log.csv").write_text(log_text(log), encoding="utf-8")
-    made = haptune("tune", "device.yaml", "fluid.yaml", "-o", "profile.yaml", "--quiet")
+    (good / "log.csv").write_text(log_text(log), encoding="utf-8")
+    files = [str(good / name) for name in ("device.yaml", "fluid.yaml", "profile.yaml")]
+    made = haptune("tune", *files[:2], "-o", files[2], "--quiet")
     assert made.code == 0, made.err
-    Path("good").mkdir()
-    for name in (*DOCUMENTS, "fluid", "profile"):
-        shutil.copy(f"{name}.yaml", "good")
-    shutil.copy("log.csv", "good")
+    shutil.copytree(good, ".", dirs_exist_ok=True)
 
 
 def run_yaml(seed: int) -> Outcome:

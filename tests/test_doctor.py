@@ -102,19 +102,3 @@ def test_one_bad_log_does_not_hide_the_others() -> None:
     told = haptune("doctor", holes, "homerehab.csv")
     assert "homerehab.csv" in told.out
     assert "usable" in told.out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (["missing.csv"], 3),
-        (["homerehab.csv", "--force", "torque"], 3),
-        (["homerehab.csv", "--allow", "nonsense"], 2),
-        (["homerehab.csv", "--axis", "z", "--hardware", "homerehab.hardware.yaml"], 2),
-        ([], 2),
-    ],
-)
-def test_other_ends(arguments: list[str], code: int) -> None:
-    ended = haptune("doctor", *arguments)
-    assert ended.code == code
-    assert ended.err

@@ -22,7 +22,7 @@ from identification import (
     to_yaml,
 )
 from tests.commands import haptune
-from tests.planar import tangled
+from tests.planar import COLUMNS, tangled
 
 FloatArray = NDArray[np.float64]
 STEP, COUNT = 1e-3, 6e-6
@@ -88,7 +88,7 @@ def test_devices_that_are_light_in_any_direction_stay_within_the_travel() -> Non
         "coulomb_friction": (0.5, 0.7, 1.0),
     }
     guesses = {k: {"low": low, "value": at, "high": high} for k, (low, at, high) in ranges.items()}
-    plan = plan_axes(spec(duration=4.0, sample_time=4e-3, **guesses))
+    plan = plan_axes(spec(duration=2.0, sample_time=4e-3, **guesses))
     turns = np.pi * np.arange(12) / 12
     units = np.stack((np.cos(turns), np.sin(turns)), axis=1)
     mass = 4.2 * np.eye(2) - 2.4 * units[:, :, None] * units[:, None, :]
@@ -153,8 +153,7 @@ def test_the_command_writes_a_column_an_axis() -> None:
 @pytest.mark.usefixtures("here")
 def test_a_device_of_other_axes_is_refused() -> None:
     log, hardware = (str(bundled_path(f"planar.{end}")) for end in ("csv", "hardware.yaml"))
-    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
-    assert haptune("identify", log, *columns, "--hardware", hardware).code == 0
+    assert haptune("identify", log, *COLUMNS, "--hardware", hardware).code == 0
     content = LIMITS | {"axes": ["u", "v"], "device": "device.yaml"}
     text = to_yaml({"schema": "haptune/excitation/1"} | content, "")
     Path("excitation.yaml").write_text(text, encoding="utf-8")

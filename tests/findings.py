@@ -25,6 +25,7 @@ def findings_of(
 def refusals(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:
     findings, found = findings_of(trajectory, hardware)
     codes = {each.code for each in findings if each.severity == "refusal"}
+    assert not codes or findings[0].severity == "refusal"
     assert bool(codes) == (found is None)
     return codes
 

@@ -52,13 +52,21 @@ def log(force: Array, position: Array, time: Array | None = None) -> Trajectory:
     return Trajectory(time=stamps, force=force, position=position, motion="linear")
 
 
+def seen_in(trajectory: Trajectory, hardware: Hardware | None = None) -> set[str]:
+    """Codes of what is found before anything is estimated."""
+    return {each.code for each in inspect(trajectory, hardware or Hardware())}
+
+
 def test_a_clean_log_has_nothing_to_say() -> None:
     hardware = Hardware(
         delay=quantity(STEP),
         encoder_resolution=quantity(COUNT),
         force_limit=ForceLimit(continuous=14.0, peak=28.0),
     )
-    assert warnings(plain(), hardware) == set()
+    findings, found = findings_of(plain(), hardware)
+    assert findings == ()
+    assert found is not None
+    assert "forces act" not in found.reason
 
 
 @pytest.mark.parametrize("period", [0.05, 0.011])
@@ -176,7 +184,7 @@ def test_rows_that_come_late_and_catch_up_are_no_other_clock(
         with pytest.raises(InvalidInputError, match="but the hardware states a sample time"):
             list(inspect(late, Hardware(sample_time=quantity(STEP))))
         return
-    found = {each.code for each in inspect(late, Hardware(sample_time=quantity(STEP)))}
+    found = seen_in(late, Hardware(sample_time=quantity(STEP)))
     assert found == ({"jitter", "dropped-samples"} if lost else {"jitter"})
 
 
@@ -214,8 +222,7 @@ def test_a_smooth_top_is_no_limit(flat: bool) -> None:
     force = np.clip(force, -0.87, 0.87) if flat else force
     assert np.mean(np.abs(force) >= 0.9999 * np.abs(force).max()) > 0.01
     place = positions(Axis(), force[:, None])[:, 0]
-    found = {each.code for each in inspect(log(force, place), Hardware())}
-    assert ("force-saturated" in found) == flat
+    assert ("force-saturated" in seen_in(log(force, place))) == flat
 
 
 def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_stated() -> None:
@@ -223,13 +230,13 @@ def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_state
     fade = np.minimum(time / 1.0, 1.0)
     force = 5 * fade * np.sign(np.sin(2 * np.pi * 1.3 * time) + 0.1)
     square = log(force, positions(Axis(), force[:, None])[:, 0])
-
-    def saturated(hardware: Hardware) -> bool:
-        return "force-saturated" in {each.code for each in inspect(square, hardware)}
-
-    assert not saturated(Hardware())
-    assert not saturated(Hardware(force_limit=ForceLimit(continuous=6.0, peak=9.0)))
-    assert saturated(Hardware(force_limit=ForceLimit(continuous=5.0, peak=5.0)))
+    for reached, limit in (
+        (False, None),
+        (False, ForceLimit(continuous=6.0, peak=9.0)),
+        (True, ForceLimit(continuous=5.0, peak=5.0)),
+    ):
+        found = seen_in(square, Hardware(force_limit=limit))
+        assert ("force-saturated" in found) == reached
 
 
 def test_steps_held_as_long_as_others_are_no_limit() -> None:
@@ -243,8 +250,7 @@ def test_steps_held_as_long_as_others_are_no_limit() -> None:
 
     def saturated(force: Array, hardware: Hardware | None = None) -> bool:
         place = positions(Axis(), force[:, None])[:, 0]
-        found = inspect(log(force, place), hardware or Hardware())
-        return "force-saturated" in {each.code for each in found}
+        return "force-saturated" in seen_in(log(force, place), hardware)
 
     assert not saturated(stairs)
     assert not saturated(steps)
@@ -261,7 +267,7 @@ def test_steps_held_as_long_as_others_are_no_limit() -> None:
 @pytest.mark.parametrize("step", [1e-3, 2e-4])
 def test_rows_lost_and_renumbered_are_named(step: float) -> None:
     whole = late_by(0.0, step)
-    assert "lost-rows" not in {each.code for each in inspect(whole, Hardware())}
+    assert "lost-rows" not in seen_in(whole)
     kept = np.random.default_rng(8).random(len(whole)) >= 0.02
     rows = np.count_nonzero(kept)
     torn = log(whole.force[kept], whole.position[kept], step * np.arange(rows, dtype=np.float64))
@@ -271,7 +277,7 @@ def test_rows_lost_and_renumbered_are_named(step: float) -> None:
     assert abs(again.value - 3.0) < max(again.high - again.low, 0.005 * 3.0)
     # With their own stamps the same rows are gaps.
     gaps = log(whole.force[kept], whole.position[kept], whole.time[kept])
-    assert {each.code for each in inspect(gaps, Hardware())} == {"dropped-samples"}
+    assert seen_in(gaps) == {"dropped-samples"}
 
 
 @pytest.mark.parametrize("seed", [407, 477])
@@ -281,7 +287,7 @@ def test_noise_that_makes_long_steps_makes_as_many_short_ones_and_loses_no_row(s
     place = positions(replace(Axis(), coulomb=0.0, delay=STEP), force)[:, 0]
     noise = 1e-5 * np.random.default_rng(seed).standard_normal(place.size)
     noisy = log(force[:, 0], place + noise)
-    assert "lost-rows" not in {each.code for each in inspect(noisy, Hardware())}
+    assert "lost-rows" not in seen_in(noisy)
 
 
 @pytest.mark.parametrize("part", [0.02, 0.1])
@@ -304,8 +310,7 @@ def test_a_log_of_a_slower_controller_has_no_row_twice(rows: float) -> None:
     whole = plain()
     seldom = (np.arange(len(whole)) // rows).astype(np.intp)
     for force in (whole.force, whole.force[seldom]):
-        found = inspect(log(force, whole.position[seldom]), Hardware())
-        assert "repeated-rows" not in {each.code for each in found}
+        assert "repeated-rows" not in seen_in(log(force, whole.position[seldom]))
 
 
 def test_what_friction_holds_at_rest_is_no_hand() -> None:
@@ -329,7 +334,7 @@ def test_a_sweep_too_fast_for_cubics_lost_no_row(hertz: float) -> None:
     axis = Axis(mass=1.0, damping=4.0, coulomb=0.3, sample_time=2e-3, delay=2e-3)
     place = positions(axis, force[:, None])[:, 0]
     swept = log(force, counted(place, 1e-6), time)
-    assert "lost-rows" not in {each.code for each in inspect(swept, Hardware())}
+    assert "lost-rows" not in seen_in(swept)
 
 
 @pytest.mark.parametrize("counts", [5.0, 20.0])
@@ -337,9 +342,7 @@ def test_noise_on_a_fine_encoder_is_no_unit(counts: float) -> None:
     noise = counts * 1e-7 * np.random.default_rng(4).standard_normal(len(plain()))
     hardware = Hardware(encoder_resolution=quantity(1e-7))
     for place in (plain().position + noise, counted(plain().position + noise, 1e-7)):
-        assert "force-unit" not in {
-            each.code for each in inspect(log(plain().force, place), hardware)
-        }
+        assert "force-unit" not in seen_in(log(plain().force, place), hardware)
 
 
 def test_no_share_above_all_of_the_force_is_printed_and_no_slope_that_nothing_tells() -> None:
@@ -362,10 +365,6 @@ def test_no_share_above_all_of_the_force_is_printed_and_no_slope_that_nothing_te
     assert "e+07" not in told.seen
     told = unmodelled(plain(), replace(steep, slope=SlopeRange(low=9.0, high=40.0)), 10.0)
     assert "from 9 to 40" in told.seen
-
-
-def test_a_clean_log_is_not_told_that_forces_act() -> None:
-    assert "forces act" not in identify(plain()).reason
 
 
 def hand_on(spring: float, damper: float, *, hertz: tuple[float, ...]) -> Trajectory:
@@ -526,7 +525,7 @@ def test_standing_under_a_changing_force() -> None:
         axis = Axis(coulomb=friction)
         push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
         place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
-        assert {each.code for each in inspect(log(force, place), Hardware())} == codes
+        assert seen_in(log(force, place)) == codes
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
 """Excel workbooks give what the plain CSV gives; written by openpyxl itself."""
 
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,9 @@ from tests.packed_logs import (
 pytestmark = pytest.mark.usefixtures("read_here")
 
 HEADER = ("time", "force", "position")
+SHEET = "xl/worksheets/sheet1.xml"
+#: By part of a workbook: the mark before which pieces are put.
+Changes = dict[str, tuple[bytes, Iterable[bytes]]]
 
 
 def workbook(
@@ -37,6 +41,23 @@ def workbook(
             sheet.append(list(row))
     path = folder / "log.xlsx"
     book.save(path)
+    return path
+
+
+def stuffed(folder: Path, changes: Changes, more: Mapping[str, str] | None = None) -> Path:
+    """A good workbook with pieces put into its parts, and more parts beside its own."""
+    path = workbook(folder, HEADER, *SAMPLES)
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, content in parts.items():
+            mark, pieces = changes.get(name, (b"", ()))
+            place = content.index(mark)
+            with archive.open(name, "w", force_zip64=True) as stream:
+                for piece in chain([content[:place]], pieces, [content[place:]]):
+                    stream.write(piece)
+        for name, text in (more or {}).items():
+            archive.writestr(name, text)
     return path
 
 
@@ -118,15 +139,7 @@ def test_torn_and_damaged_workbooks(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 )
 def test_a_cell_far_away_is_refused(tmp_path: Path, far: bytes, said: str) -> None:
     """A sheet that claims a million rows, or sixteen thousand columns, in a kilobyte."""
-    path = workbook(tmp_path, HEADER, *SAMPLES)
-    with zipfile.ZipFile(path) as archive:
-        members = {name: archive.read(name) for name in archive.namelist()}
-    sheet = "xl/worksheets/sheet1.xml"
-    members[sheet] = members[sheet].replace(b"</sheetData>", far + b"</sheetData>")
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in members.items():
-            archive.writestr(name, content)
-    assert said in refusal(path)
+    assert said in refusal(stuffed(tmp_path, {SHEET: (b"</sheetData>", [far])}))
 
 
 def test_the_extra_names_itself_where_it_is_missing(

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification import Trajectory
+
 Array = NDArray[np.float64]
 
 
@@ -148,6 +150,22 @@ def multisine(
 def counted(position: Array, count: float | Array) -> Array:
     """What an encoder of this resolution reads."""
     return np.round(position / count) * count
+
+
+def logged(
+    axis: Axis,
+    force: Array,
+    *,
+    disturbance: Array | None = None,
+    speed: float = 0.0,
+    count: float = 6e-6,
+) -> Trajectory:
+    """The log of an axis under a force, shape (samples,), and another that it does not hold."""
+    push = None if disturbance is None else disturbance[:, None]
+    place = positions(axis, force[:, None], disturbance=push, speed=speed)[:, 0]
+    time = axis.sample_time * np.arange(force.size, dtype=np.float64)
+    seen = counted(place, count) if count else place
+    return Trajectory(time=time, force=force, position=seen, motion="linear")
 
 
 def fleet(runs: int, seed: int, seconds: float = 8.0) -> tuple[Axis, Array, Array, Array]:

@@ -18,7 +18,7 @@ from identification import (
     identified_picture,
     identify,
 )
-from tests.exact_axis import Axis, counted, positions
+from tests.exact_axis import Axis, counted, logged, positions
 from tests.outside_axis import Axis as OutsideAxis
 from tests.outside_axis import Body, Drive, play
 from tests.simulated.catalogue.cases import Level, cases
@@ -173,12 +173,9 @@ def test_mains_are_no_mode() -> None:
     generator = np.random.default_rng(0)
     held = generator.integers(50, 400, 60)
     levels = 5 * generator.uniform(0.3, 1, held.size) * (-1.0) ** np.arange(held.size)
-    force = np.repeat(levels, held)[:8000, None]
     axis = Axis(mass=1.0, damping=4.0, coulomb=0.3, delay=1e-3)
-    time = 1e-3 * np.arange(len(force), dtype=np.float64)
-    hum = 0.3 * np.sin(2 * np.pi * 50 * time)
-    place = counted(positions(axis, force, disturbance=hum[:, None])[:, 0], 6e-6)
-    found = identify(Trajectory(time=time, force=force[:, 0], position=place))
+    hum = 0.3 * np.sin(2 * np.pi * 50 * 1e-3 * np.arange(8000))
+    found = identify(logged(axis, np.repeat(levels, held)[:8000], disturbance=hum))
     (tone,) = [each for each in found.findings if each.code == "unmodelled-force"]
     assert "a tone at 50" in tone.seen
     assert found.device.modes == ()
@@ -191,9 +188,8 @@ def test_a_wrong_delay_is_not_taken_for_friction() -> None:
     shape = np.minimum(1.0, np.minimum(time, 10.0 - time) / 0.3)
     force = shape * np.sin(2 * np.pi * (0.2 * time + 0.49 * time**2))
     axis = Axis(mass=0.075, damping=0.2, coulomb=0.03, delay=3e-3)
-    place = counted(positions(axis, force[:, None])[:, 0], 2e-5)
     hardware = Hardware.model_validate({"motion": "linear", "delay": 0.0})
-    found = identify(Trajectory(time=time, force=force, position=place), hardware=hardware)
+    found = identify(logged(axis, force, count=2e-5), hardware=hardware)
     assert "delay-contradicted" in codes_of(found)
     assert "unmodelled-force" not in codes_of(found)
     assert found.device.mass.value == pytest.approx(0.075, rel=0.005)

@@ -22,7 +22,7 @@ from identification import (
 )
 from identification.findings import inspect
 from identification.fitting.friction_curve import FrictionCurve, unmodelled
-from tests.exact_axis import Axis, counted, multisine, positions
+from tests.exact_axis import Axis, counted, logged, multisine, positions
 from tests.findings import findings_of, refusals, warnings
 from tests.thinned import thinned
 
@@ -40,11 +40,8 @@ def plain(samples: int = 8000, seed: int = 0) -> Trajectory:
 def recorded(axis: Axis, *, samples: int, seed: int) -> Trajectory:
     """A multisine on an axis, with 5 mN of unlogged force."""
     generator = np.random.default_rng(seed)
-    force = multisine(generator, samples=samples, runs=1, axis=axis)
-    push = 5e-3 * generator.standard_normal(force.shape)
-    place = counted(positions(axis, force, disturbance=push), COUNT)
-    time = axis.sample_time * np.arange(samples, dtype=np.float64)
-    return log(force[:, 0], place[:, 0], time)
+    force = multisine(generator, samples=samples, runs=1, axis=axis)[:, 0]
+    return logged(axis, force, disturbance=5e-3 * generator.standard_normal(samples))
 
 
 def log(force: Array, position: Array, time: Array | None = None) -> Trajectory:
@@ -221,15 +218,14 @@ def test_a_smooth_top_is_no_limit(flat: bool) -> None:
     force = np.sin(2 * np.pi * time) + np.sin(6 * np.pi * time) / 9
     force = np.clip(force, -0.87, 0.87) if flat else force
     assert np.mean(np.abs(force) >= 0.9999 * np.abs(force).max()) > 0.01
-    place = positions(Axis(), force[:, None])[:, 0]
-    assert ("force-saturated" in seen_in(log(force, place))) == flat
+    assert ("force-saturated" in seen_in(logged(Axis(), force, count=0.0))) == flat
 
 
 def test_a_square_wave_that_fades_in_is_no_limit_unless_it_reaches_the_one_stated() -> None:
     time = STEP * np.arange(4000)
     fade = np.minimum(time / 1.0, 1.0)
     force = 5 * fade * np.sign(np.sin(2 * np.pi * 1.3 * time) + 0.1)
-    square = log(force, positions(Axis(), force[:, None])[:, 0])
+    square = logged(Axis(), force, count=0.0)
     for reached, limit in (
         (False, None),
         (False, ForceLimit(continuous=6.0, peak=9.0)),
@@ -249,8 +245,7 @@ def test_steps_held_as_long_as_others_are_no_limit() -> None:
     limit = ForceLimit(continuous=20.0, peak=40.0)
 
     def saturated(force: Array, hardware: Hardware | None = None) -> bool:
-        place = positions(Axis(), force[:, None])[:, 0]
-        return "force-saturated" in seen_in(log(force, place), hardware)
+        return "force-saturated" in seen_in(logged(Axis(), force, count=0.0), hardware)
 
     assert not saturated(stairs)
     assert not saturated(steps)
@@ -266,7 +261,7 @@ def test_steps_held_as_long_as_others_are_no_limit() -> None:
 
 @pytest.mark.parametrize("step", [1e-3, 2e-4])
 def test_rows_lost_and_renumbered_are_named(step: float) -> None:
-    whole = late_by(0.0, step)
+    whole = late_by(0.0, step, 8000)
     assert "lost-rows" not in seen_in(whole)
     kept = np.random.default_rng(8).random(len(whole)) >= 0.02
     rows = np.count_nonzero(kept)
@@ -283,11 +278,10 @@ def test_rows_lost_and_renumbered_are_named(step: float) -> None:
 @pytest.mark.parametrize("seed", [407, 477])
 def test_noise_that_makes_long_steps_makes_as_many_short_ones_and_loses_no_row(seed: int) -> None:
     """Of 600 seeds two of those whose noise has 15 to 17 jumps forward and half as many back."""
-    force = multisine(np.random.default_rng(0), samples=20_000, runs=1, axis=Axis())
-    place = positions(replace(Axis(), coulomb=0.0, delay=STEP), force)[:, 0]
-    noise = 1e-5 * np.random.default_rng(seed).standard_normal(place.size)
-    noisy = log(force[:, 0], place + noise)
-    assert "lost-rows" not in seen_in(noisy)
+    force = multisine(np.random.default_rng(0), samples=20_000, runs=1, axis=Axis())[:, 0]
+    clean = logged(Axis(delay=STEP), force, count=0.0)
+    noise = 1e-5 * np.random.default_rng(seed).standard_normal(force.size)
+    assert "lost-rows" not in seen_in(log(force, clean.position + noise))
 
 
 @pytest.mark.parametrize("part", [0.02, 0.1])
@@ -318,9 +312,8 @@ def test_what_friction_holds_at_rest_is_no_hand() -> None:
     generator = np.random.default_rng(0)
     held = generator.integers(50, 400, 60)
     levels = 5 * generator.uniform(0.3, 1, held.size) * (-1.0) ** np.arange(held.size)
-    force: Array = np.repeat(levels, held)[:8_000, None]
     axis = Axis(mass=1.0, damping=4.0, coulomb=3.0, delay=STEP)
-    found, known = findings_of(log(force[:, 0], counted(positions(axis, force)[:, 0], COUNT)))
+    found, known = findings_of(logged(axis, np.repeat(levels, held)[:8_000]))
     assert "hand-on-device" not in {each.code for each in found}
     assert known is not None
     assert known.device.mass.value == pytest.approx(1.0, rel=0.02)
@@ -332,9 +325,7 @@ def test_a_sweep_too_fast_for_cubics_lost_no_row(hertz: float) -> None:
     time: Array = 2e-3 * np.arange(5000, dtype=np.float64)
     force = 5 * np.sin(2 * np.pi * (0.5 * time + (hertz - 0.5) * time**2 / 20))
     axis = Axis(mass=1.0, damping=4.0, coulomb=0.3, sample_time=2e-3, delay=2e-3)
-    place = positions(axis, force[:, None])[:, 0]
-    swept = log(force, counted(place, 1e-6), time)
-    assert "lost-rows" not in seen_in(swept)
+    assert "lost-rows" not in seen_in(logged(axis, force, count=1e-6))
 
 
 @pytest.mark.parametrize("counts", [5.0, 20.0])
@@ -398,10 +389,9 @@ def test_a_log_of_the_controller(spring: float, damper: float, hertz: tuple[floa
 def test_a_sine_cannot_tell_a_mass_from_a_spring() -> None:
     time = STEP * np.arange(8000)
     force = 6 * np.sin(2 * np.pi * 1.5 * time)
-    push = 5e-3 * np.random.default_rng(3).standard_normal((force.size, 1))
-    place = counted(positions(Axis(delay=STEP), force[:, None], disturbance=push), COUNT)[:, 0]
+    push = 5e-3 * np.random.default_rng(3).standard_normal(force.size)
     # From rest the motion drifts, which tells; the last seconds are steady.
-    steady = log(force[4000:], place[4000:])
+    steady = logged(Axis(delay=STEP), force, disturbance=push).part(slice(4000, None))
     assert "not-exciting-mass" in {each.code for each in findings_of(steady)[0]}
 
 
@@ -409,9 +399,8 @@ def test_friction_and_offset_in_one_way_motion() -> None:
     generator = np.random.default_rng(4)
     force = np.repeat(generator.choice([3.0, 4.0, 6.0], 20), 400)
     axis = Axis(coulomb=0.8, offset=0.5, delay=STEP)
-    push = 5e-3 * generator.standard_normal((force.size, 1))
-    place = counted(positions(axis, force[:, None], disturbance=push, speed=0.2), COUNT)[:, 0]
-    findings, found = findings_of(log(force, place))
+    push = 5e-3 * generator.standard_normal(force.size)
+    findings, found = findings_of(logged(axis, force, disturbance=push, speed=0.2))
     assert found is not None
     assert found.device.mass.value == pytest.approx(3.0, rel=0.01)
     assert found.device.damping.value == pytest.approx(10.0, rel=0.02)
@@ -433,7 +422,7 @@ def test_a_device_that_changes(mass: float, severity: str | None) -> None:
     assert [each.severity for each in found] == ([severity] if severity else [])
 
 
-def late_by(delay: float, step: float = STEP, samples: int = 8000) -> Trajectory:
+def late_by(delay: float, step: float = STEP, samples: int = 5000) -> Trajectory:
     axis = Axis(coulomb=0.8, delay=delay, sample_time=step)
     return recorded(axis, samples=samples, seed=6)
 
@@ -467,14 +456,13 @@ def test_a_force_that_was_measured_tells_mass_but_no_delay() -> None:
     mean = log(np.convolve(force, (0.5, 0.5))[1:], measured.position)
     at_once = Hardware(encoder_resolution=quantity(COUNT), delay=quantity(0.0))
     assert warnings(mean, at_once) == set()
-    held = log(force, counted(positions(Axis(coulomb=0.8), force[:, None]), COUNT)[:, 0])
-    assert "delay-unknown" not in warnings(held)
+    assert "delay-unknown" not in warnings(logged(Axis(coulomb=0.8), force))
 
 
 @pytest.mark.parametrize("stated", [None, STEP])
 def test_a_force_that_was_logged_rows_late_is_refused(stated: float | None) -> None:
     known = Hardware() if stated is None else Hardware(delay=quantity(stated))
-    held, low_pass = late_by(STEP, samples=4000), np.repeat(1 / 8, 8)
+    held, low_pass = late_by(STEP), np.repeat(1 / 8, 8)
     late = replace(held, force=np.roll(held.force, 2 if stated is None else 6))
     for log in (late, replace(held, force=np.convolve(held.force, low_pass)[: len(held)])):
         found = identify(log, hardware=known, allow="delay-unknown")
@@ -491,7 +479,7 @@ def test_a_force_that_was_logged_rows_late_is_refused(stated: float | None) -> N
 def test_a_delay_is_looked_for_up_to_ten_milliseconds_at_any_rate(
     delay: float, step: float
 ) -> None:
-    late = late_by(delay, step)
+    late = late_by(delay, step, 8000)
     findings, found = findings_of(late)
     assert "delay-unknown" not in {each.code for each in findings}
     assert found is not None
@@ -522,10 +510,8 @@ def test_standing_under_a_changing_force() -> None:
     time = STEP * np.arange(8000)
     force = 5 * np.sin(2 * np.pi * 0.5 * time) + 0.5 * np.sin(2 * np.pi * 5 * time)
     for friction, codes in ((0.5, set[str]()), (4.8, {"stiction"})):
-        axis = Axis(coulomb=friction)
-        push = 2e-3 * np.random.default_rng(1).standard_normal((force.size, 1))
-        place = counted(positions(axis, force[:, None], disturbance=push), COUNT)[:, 0]
-        assert seen_in(log(force, place)) == codes
+        push = 2e-3 * np.random.default_rng(1).standard_normal(force.size)
+        assert seen_in(logged(Axis(coulomb=friction), force, disturbance=push)) == codes
 
 
 @pytest.mark.parametrize(
@@ -543,11 +529,11 @@ def test_an_actuator_that_gives_less_than_the_log_says_is_named(
     """Parts of the largest force; mass is 3 to 40 % off then, and nothing else tells it."""
     generator = np.random.default_rng(0)
     axis = Axis(coulomb=0.8, delay=STEP)
-    force = multisine(generator, samples=8000, runs=1, axis=axis)
+    force = multisine(generator, samples=8000, runs=1, axis=axis)[:, 0]
     peak = np.abs(force).max()
-    place = counted(positions(axis, peak * given(force / peak)), COUNT)
+    place = logged(axis, peak * given(force / peak)).position
     hardware = Hardware(delay=quantity(STEP), encoder_resolution=quantity(COUNT))
     with pytest.raises(LogRefusedError) as refused:
-        identify(log(force[:, 0], place[:, 0]), hardware=hardware)
+        identify(log(force, place), hardware=hardware)
     (found,) = (each for each in refused.value.findings if each.code == "force-saturated")
     assert found.seen.startswith(where)

@@ -32,7 +32,7 @@ from identification import (
 )
 from identification.estimators import ESTIMATORS
 from identification.findings import CODES
-from tests.exact_axis import Axis, closed_loop, counted, fleet, multisine, positions
+from tests.exact_axis import Axis, closed_loop, counted, fleet, logged, multisine, positions
 from tests.findings import refusals
 from tests.simulated.families import FAMILIES
 from tests.thinned import thinned
@@ -162,9 +162,8 @@ def test_no_usual_excitation_is_refused(shape: str) -> None:
         "moves": 3 * np.gradient(speed, STEP) + 10 * speed + 0.8 * np.sign(speed),
     }[shape]
     axis = Axis(coulomb=0.8, delay=STEP)
-    push = 5e-3 * generator.standard_normal((force.size, 1))
-    place = counted(positions(axis, force[:, None], disturbance=push)[:, 0], COUNT)
-    found = identify(log(force, place), hardware=HARDWARE)
+    push = 5e-3 * generator.standard_normal(force.size)
+    found = identify(logged(axis, force, disturbance=push), hardware=HARDWARE)
     assert found.device.mass.value == pytest.approx(3.0, rel=2e-3)
     assert found.device.damping.value == pytest.approx(10.0, rel=5e-3)
 
@@ -257,8 +256,9 @@ def test_a_delay_of_few_of_many_fast_samples_is_found(time: float) -> None:
 @pytest.mark.parametrize("samples", thinned([2.5, 0.0, 1.0], 1))
 def test_delay_stated_assumed_or_read(samples: float) -> None:
     axis = Axis(delay=samples * STEP)
-    force = multisine(np.random.default_rng(5), samples=8000, runs=1, axis=axis)
-    trajectory = log(force[:, 0], counted(positions(axis, force), COUNT)[:, 0])
+    trajectory = logged(
+        axis, multisine(np.random.default_rng(5), samples=8000, runs=1, axis=axis)[:, 0]
+    )
     found = identify(trajectory)
     assert codes(found) == {"not-stated"}
     assert found.device.damping.value == pytest.approx(10.0, rel=5e-3)
@@ -323,7 +323,7 @@ def test_several_logs_give_their_envelope() -> None:
     for mass in (2.8, 3.0, 3.3):
         axis = Axis(mass=mass, delay=STEP)
         force = multisine(np.random.default_rng(6), samples=6000, runs=1, axis=axis)
-        poses.append(log(force[:, 0], counted(positions(axis, force), COUNT)[:, 0]))
+        poses.append(logged(axis, force[:, 0]))
     found = identify(poses, hardware=HARDWARE)
     assert found.device.mass.low <= 2.8
     assert found.device.mass.high >= 3.3
@@ -409,9 +409,8 @@ def test_a_force_of_the_wrong_sign() -> None:
 
 def test_a_device_without_damping_is_not_refused() -> None:
     axis = Axis(mass=3.0, damping=0.0)
-    force = multisine(np.random.default_rng(10), samples=8000, runs=1, axis=axis)
-    place = counted(positions(axis, force), COUNT)[:, 0]
-    device = identify(log(force[:, 0], place), hardware=Hardware(delay=quantity(0.0))).device
+    force = multisine(np.random.default_rng(10), samples=8000, runs=1, axis=axis)[:, 0]
+    device = identify(logged(axis, force), hardware=Hardware(delay=quantity(0.0))).device
     assert device.damping.low <= 0 <= device.damping.high
 
 

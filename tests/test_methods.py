@@ -15,7 +15,7 @@ from identification import Trajectory
 from identification.estimators import ESTIMATORS
 from identification.estimators.estimate import Estimate, Model, spread
 from tests.estimates import estimate_by
-from tests.exact_axis import Axis, counted, multisine, positions
+from tests.exact_axis import Axis, counted, logged, multisine, positions
 from tests.simulated.families import FAMILIES
 from tests.thinned import thinned
 
@@ -165,20 +165,15 @@ def test_a_reference_frees_from_noise_that_the_force_carries() -> None:
 Array = NDArray[np.float64]
 
 
-def log(force: Array, position: Array) -> Trajectory:
-    time: Array = np.arange(force.size) * np.float64(STEP)
-    return Trajectory(time=time, force=force, position=position)
-
-
 def excited(axis: Axis, samples: int) -> Array:
     plain = Axis(mass=axis.mass, damping=axis.damping)
-    return multisine(np.random.default_rng(0), samples=samples, runs=1, axis=plain)
+    return multisine(np.random.default_rng(0), samples=samples, runs=1, axis=plain)[:, 0]
 
 
 @cache
 def noise_free(damping: float, delay: float, *, uneven: bool) -> Trajectory:
     """3 kg under a force less 0.4 N, from one change of the force or stamp to the next."""
-    force = excited(Axis(damping=damping), samples=3000)[:, 0]
+    force = excited(Axis(damping=damping), samples=3000)
     steps = np.full(force.size - 1, STEP)
     if uneven:
         steps *= np.random.default_rng(1).choice([0.7, 1.0, 1.1, 1.4], steps.size)
@@ -222,9 +217,8 @@ def test_noise_free_logs_give_the_truth(
 def test_friction_with_stick_and_slip(coulomb: float) -> None:
     """Standing a tenth of the time at 3 N of 14 N: the turning points still come out."""
     axis = Axis(coulomb=coulomb, offset=-0.3, delay=STEP)
-    force = excited(axis, samples=12000)
-    place = counted(positions(axis, force), 6e-6)[:, 0]
-    found = estimate_by("least-squares", log(force[:, 0], place), Model(), STEP)
+    log = logged(axis, excited(axis, samples=12000))
+    found = estimate_by("least-squares", log, Model(), STEP)
     assert found.value("mass") == pytest.approx(3.0, rel=2e-3)
     assert found.value("damping") == pytest.approx(10.0, rel=1e-2)
     assert found.value("coulomb_friction") == pytest.approx(coulomb, rel=5e-3)

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from identification import Hardware, Trajectory, identify, quantity
-from tests.exact_axis import Axis, counted, multisine, positions
-
-COUNT = 5e-6
+from identification import Hardware, identify, quantity
+from tests.exact_axis import Axis, logged, multisine
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0003, 0.0017])
@@ -15,11 +13,7 @@ def test_intervals_are_near_the_count_and_hold_the_truth(delay: float, stated: b
     """Also at a delay of 0, the end of what is looked at, and where the force changes in a turn."""
     axis = Axis(mass=0.6, damping=3.0, coulomb=0.4, delay=delay)
     force = multisine(np.random.default_rng(5), samples=6000, runs=1, axis=axis, peak=6.0)
-    log = Trajectory(
-        time=1e-3 * np.arange(len(force), dtype=np.float64),
-        force=force[:, 0],
-        position=counted(positions(axis, force)[:, 0], COUNT),
-    )
+    log = logged(axis, force[:, 0], count=5e-6)
     hardware = Hardware(delay=quantity(delay)) if stated else None
     found = identify(log, hardware=hardware)
     assert found.method == "output-error"

@@ -36,6 +36,19 @@ def hardware(**given: object) -> ident.Hardware:
     return ident.parse_document(ident.Hardware, content, "hardware.yaml")
 
 
+def write_table(table: FloatArray, name: str, y: str = "position_y") -> None:
+    """A log of both axes as a file; its last column may be named otherwise."""
+    header = f"time,force_x,force_y,position_x,{y}"
+    np.savetxt(name, table, "%.9g", ",", header=header, comments="")
+
+
+def pose_of(device: ident.Device) -> ident.Pose:
+    """The one pose of a device."""
+    assert device.poses is not None
+    (pose,) = device.poses
+    return pose
+
+
 def tangled(chance: np.random.Generator, axes: int, ratio: float, least: float) -> FloatArray:
     """A symmetric matrix with eigenvalues from ``least`` to ``ratio`` times it."""
     turned = np.linalg.qr(chance.standard_normal((axes, axes)))[0]

@@ -31,8 +31,9 @@ def test_every_kind_reads_the_same_numbers(
     tmp_path: Path, write: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.undo()
-    gains = {"force_gain": -2.0, "position_gain": 1e-3}
-    columns = LogColumns(position="q", reference="r", axis="elbow", **gains)
+    columns = LogColumns(
+        position="q", reference="r", axis="elbow", force_gain=-2.0, position_gain=1e-3
+    )
     path = write(tmp_path, q=POSITION, r=POSITION + 1)
     log = load_trajectory(path, columns, motion="rotary")
     np.testing.assert_array_equal(log.time, TIME)

@@ -12,7 +12,7 @@ import identification as ident
 from datasets_synthetic import bundled_path
 from identification import Device, LogRefusedError, identify
 from tests.commands import haptune
-from tests.planar import COLUMNS, DAMPING, FRICTION, MASS, hardware, motion
+from tests.planar import COLUMNS, DAMPING, FRICTION, MASS, hardware, motion, pose_of, write_table
 
 
 @pytest.mark.parametrize("code", ["repeated-rows", "lost-rows"])
@@ -70,13 +70,8 @@ def here(here: Path) -> Path:
     """A folder with the bundled log of two axes, y in mm, and its hardware."""
     shutil.copy(bundled_path("planar.hardware.yaml"), "hardware.yaml")
     table = np.loadtxt(bundled_path("planar.csv"), delimiter=",", skiprows=1)
-    write(table * [1, 1, 1, 1, 1000])
+    write_table(table * [1, 1, 1, 1, 1000], "log.csv")
     return here
-
-
-def write(table: np.ndarray[tuple[int, ...], np.dtype[np.float64]], y: str = "position_y") -> None:
-    header = f"time,force_x,force_y,position_x,{y}"
-    np.savetxt("log.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
 
 
 def identified(*options: str, y: str = "position_y") -> tuple[int, str]:
@@ -97,10 +92,8 @@ def test_a_remedy_followed_to_the_letter_mends_one_axis() -> None:
     code, said = identified(*gain)
     assert code == 0, said
     device = ident.load_document(Device, "device.yaml")
-    assert device.poses is not None
-    (pose,) = device.poses
     truth = ident.load_mapping(bundled_path("planar.truth.yaml"))
-    assert np.allclose(pose.mass, truth["mass"], rtol=0.02, atol=0.02)
+    assert np.allclose(pose_of(device).mass, truth["mass"], rtol=0.02, atol=0.02)
 
 
 @pytest.mark.usefixtures("here")
@@ -124,7 +117,7 @@ def test_gains_that_fit_no_axes_are_refused() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_a_unit_that_no_header_converts_is_asked_for_of_its_axis() -> None:
-    write(np.loadtxt("log.csv", delimiter=",", skiprows=1), y="position_y_deg")
+    write_table(np.loadtxt("log.csv", delimiter=",", skiprows=1), "log.csv", "position_y_deg")
     code, said = identified(y="position_y_deg")
     assert code == 3
     assert "Add --position-gain ,X, m (rad) per deg" in said
@@ -155,7 +148,7 @@ def test_two_columns_with_the_hardware_of_one_axis_are_refused() -> None:
 
 @pytest.mark.usefixtures("here")
 def test_each_refusal_names_the_axis_it_is_about() -> None:
-    write(np.loadtxt("log.csv", delimiter=",", skiprows=1) * [1, 1, 1, 1000, 1])
+    write_table(np.loadtxt("log.csv", delimiter=",", skiprows=1) * [1, 1, 1, 1000, 1], "log.csv")
     refused = [line for line in identified()[1].splitlines() if line.startswith("refusal:")]
     assert len(set(refused)) == len(refused) > 2
     for axis in "xy":
@@ -165,7 +158,7 @@ def test_each_refusal_names_the_axis_it_is_about() -> None:
 @pytest.mark.usefixtures("here")
 def test_a_refusal_of_one_log_of_several_names_the_log() -> None:
     shutil.copy(bundled_path("planar.csv"), "good.csv")
-    write(np.loadtxt("good.csv", delimiter=",", skiprows=1) * [1, 1, 0, 1, 1])
+    write_table(np.loadtxt("good.csv", delimiter=",", skiprows=1) * [1, 1, 0, 1, 1], "log.csv")
     for logs, said in (
         (("log.csv",), "axes-not-told-apart: no force of its own moves y"),
         (("good.csv", "log.csv"), "axes-not-told-apart: log.csv: no force of its own moves y"),

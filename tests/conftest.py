@@ -24,6 +24,12 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
+def unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`haptune tune` takes it for granted that what it tunes settles."""
+    monkeypatch.setattr("tune.cli.settling.refuse_restless", lambda *_: None)
+
+
+@pytest.fixture
 def read_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Foreign parsers read here, unless ``monkeypatch.undo()`` gives them their own process."""
 

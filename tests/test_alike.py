@@ -24,13 +24,13 @@ def tuned(elements: dict[str, Any], device: str = "homerehab", **more: Any) -> S
 def test_a_maze_of_equal_walls_has_the_effects_of_one() -> None:
     """Half of the walls are not met with the spring, in which they differ from the others."""
     one = tuned({"a": WALL, "w": WATER, "b": WALL, "r": RUBBER}, apart=[["b", "r"]])
-    walls = {f"{'ab'[k % 2]}{k}": WALL for k in range(12)}
+    walls = {f"{'ab'[k % 2]}{k}": WALL for k in range(4)}
     apart = [[name, "r"] for name in walls if name[0] == "b"]
     elements = {"a": WALL, "w2": WATER, **walls, "r": RUBBER, "w": WATER, "b": WALL}
     many = tuned(elements, apart=[*apart, ["b", "r"]])
     assert list(many.elements) == list(elements)
     assert all(many.elements[name] == one.elements[name[0]] for name in elements)
-    assert len(many.combinations()) == 17 + 14 * 2 + 7
+    assert len(many.combinations()) == 9 + 6 * 2 + 3
     assert {
         "a": "proved",
         "w2": "proved",
@@ -38,7 +38,7 @@ def test_a_maze_of_equal_walls_has_the_effects_of_one() -> None:
     }.items() <= many.certificate.interior.items()
     assert len(many.certificate.interior) == len(one.certificate.interior)
     content = to_mapping(many)
-    assert len(check_content(content, "many").profile.elements) == 17
+    assert len(check_content(content, "many").profile.elements) == 9
     assert many.certificate.cells == one.certificate.cells
 
 
@@ -58,7 +58,7 @@ def test_one_that_is_not_what_the_others_are_is_proved_by_itself() -> None:
 def test_what_is_told_of_one_is_told_of_all_that_are_alike() -> None:
     """Pairs that are kept apart, what is dropped, and what is less than was wanted."""
     one = {"water": {"damping": 8.0}, "wall": WALL, "dust": {"damping": 0.01}}
-    loop = FIXED | {"velocity_filter_hz": "free"}
+    loop = {"velocity_filter_hz": 400.0}
     few = tuned(one, "stylus", loop=loop)
     both = {f"{name}{k}": element for k in (1, 2) for name, element in one.items()}
     many = tuned(both, "stylus", loop=loop)

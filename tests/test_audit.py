@@ -402,10 +402,10 @@ def test_a_wall_is_proved_anew_with_its_own_multipliers() -> None:
     same = compare(old, old)
     assert same.holds, same.failures
     assert same.gain == old.margin.gain
-    later = compare(old, _device(delay=0.008))
+    later = compare(old, _device(delay=0.01))
     assert not later.holds
     assert later.gain is not None
-    assert 0.3 < later.gain < 0.5 * old.margin.gain
+    assert 0.2 < later.gain < 0.25
 
 
 def test_the_gain_kept_on_a_device_of_less_damping_is_where_its_loop_becomes_unstable(

@@ -1,14 +1,21 @@
 """Cut-offs that are free, and what tuning finds for the device of the paper."""
 
 import math
-from functools import cache
 from typing import Any
 
 import pytest
 
-from identification import Device, ForceLimit, as_stored, load_device, quantity
+from identification import Device, as_stored, load_device
+from tests.devices import device_of, known
 from tests.test_guard_play import random_device
 from tune import NoFeasibleEffectError, SafeProfile, Scene, optimise
+
+HILLS = device_of(
+    *(2.621, 8.055), step=1e-3, delay=2e-3, count=6.96e-7, force=29.2, peak=60.4, friction=0.279
+)
+RIDGE = device_of(
+    *(0.6285, 4.164), step=5e-4, delay=1e-3, count=4.889e-6, force=37.4, friction=0.7245
+)
 
 
 def _chosen(elements: dict[str, Any], **more: Any) -> Any:
@@ -39,42 +46,25 @@ def test_no_filter_where_none_is_needed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("numbers", "fixed"),
+    ("device", "ripple", "fixed"),
     [
         # The better of two hills has no velocity filter, and the first climbed is not left.
-        ((1e-3, 2e-3, 2.621, 8.055, 0.696e-6, 29.2, 60.4, 0.279, 0.133), ("none", 18.4)),
+        (HILLS, 0.133, ("none", 18.4)),
         # Limits meet in a ridge that bends: the function is concave on neither side.
-        ((5e-4, 1e-3, 0.6285, 4.164, 4.889e-6, 37.4, 74.8, 0.7245, 0.04566), (90.4, 18.8)),
+        (RIDGE, 0.04566, (90.4, 18.8)),
     ],
+    ids=["hills", "ridge"],
 )
 def test_no_cutoffs_found_from_outside_are_a_percent_better(
-    numbers: tuple[float, ...], fixed: tuple[float | str, float]
+    device: Device, ripple: float, fixed: tuple[float | str, float]
 ) -> None:
-    step, delay, mass, damping, count, continuous, peak, friction, ripple = numbers
-    device = Device(
-        name="drawn",
-        motion="linear",
-        sample_time=quantity(step),
-        delay=quantity(delay),
-        encoder_resolution=quantity(count),
-        force_limit=ForceLimit(continuous=continuous, peak=peak),
-        mass=quantity(mass),
-        damping=quantity(damping),
-        coulomb_friction=quantity(friction),
-    )
-    wish = dict.fromkeys(("stiffness", "damping", "mass"), "max")
-    motion = {"penetration": 0.01, "speed": 0.2, "acceleration": 2.0}
+    element = dict.fromkeys(("stiffness", "damping", "mass"), "max") | {"penetration": 0.01}
     products: list[float] = []
-    for velocity, acceleration in (("free", "free"), fixed):
-        scene = Scene.model_validate(
-            {
-                "elements": {"all": wish | motion},
-                "margin": "conservative",
-                "ripple_limit": ripple,
-                "loop": {"velocity_filter_hz": velocity, "acceleration_filter_hz": acceleration},
-            }
-        )
-        steps = optimise(as_stored(device), scene).elements["all"].perceived_steps
+    for pair in (("free", "free"), fixed):
+        loop = dict(zip(("velocity_filter_hz", "acceleration_filter_hz"), pair, strict=True))
+        scene = {"elements": {"all": element}, "margin": "conservative", "loop": loop}
+        wanted = Scene.model_validate(scene | {"ripple_limit": ripple})
+        steps = optimise(as_stored(device), wanted).elements["all"].perceived_steps
         products.append(math.prod(steps.values()))
     assert products[0] >= 0.99 * products[1]
 
@@ -152,17 +142,8 @@ def test_kinds_are_chosen_where_the_usual_one_keeps_less() -> None:
 
 def test_a_wall_whose_damper_vanishes_beside_a_cut_off_is_tuned() -> None:
     """A slope by the cut-off was minus infinity, and the search for it ended in a traceback."""
-    device = Device(
-        name="drawn",
-        motion="linear",
-        sample_time=quantity(2.5e-4),
-        delay=quantity(1.25e-4),
-        encoder_resolution=quantity(5.425e-7),
-        force_limit=ForceLimit(continuous=8.035, peak=75.12),
-        mass=quantity(0.1282),
-        damping=quantity(0.9371),
-        coulomb_friction=quantity(0.1474),
-    )
+    drive: dict[str, Any] = {"count": 5.425e-7, "force": 8.035, "peak": 75.12, "friction": 0.1474}
+    device = device_of(0.1282, 0.9371, step=2.5e-4, delay=1.25e-4, **drive)
     wall = {"stiffness": "max", "damping": "max", "one_sided": True}
     scene = Scene.model_validate({"elements": {"wall": wall}, "margin": "conservative"})
     assert optimise(as_stored(device), scene).elements["wall"].stiffness > 25_000
@@ -170,17 +151,9 @@ def test_a_wall_whose_damper_vanishes_beside_a_cut_off_is_tuned() -> None:
 
 def test_a_start_that_is_found_to_keep_all_effects_late_is_climbed() -> None:
     """It was found not to when that was soon asked, and the climb from it ended in a traceback."""
-    mass, damping, force = 2.026343415890902, 1.765119544102651, 9.052470343932642
-    device = Device(
-        motion="linear",
-        sample_time=quantity(2e-3),
-        delay=quantity(4e-3),
-        encoder_resolution=quantity(1.77805707558796e-6),
-        force_limit=ForceLimit(continuous=force, peak=2 * force),
-        mass=quantity(mass, 0.99 * mass, 1.01 * mass),
-        damping=quantity(damping, 0.98 * damping, 1.02 * damping),
-        coulomb_friction=quantity(0.09528060056517573),
-    )
+    mass, damping = known(2.026343415890902, 0.01), known(1.765119544102651, 0.02)
+    drive: dict[str, Any] = {"count": 1.77805707558796e-6, "force": 9.052470343932642}
+    device = device_of(mass, damping, step=2e-3, delay=4e-3, friction=0.09528060056517573, **drive)
     elements = {
         "wall": {"stiffness": "max", "damping": "max", "one_sided": True},
         "cup": {"damping": "max", "mass": "max"},
@@ -200,13 +173,6 @@ def test_a_range_no_filter_allows_is_refused_as_before() -> None:
         )
 
 
-#: Section 3.1: felt inertia, kg. Section 2.8: "at most we were able to simulate a virtual mass
-#: equal to the physical mass that was free of disturbing oscillations".
-FELT_INERTIA = 3.0
-#: Table 1: 14 N continuous, 28 N peak.
-CONTINUOUS, PEAK = 14.0, 28.0
-#: One step of mass: 3 kg times the Weber fraction of table 3, 22.5 %.
-ONE_STEP = 0.68
 #: Table 2, the second areas of the seven trials and the first: K (N/m), M (kg), B (N·s/m).
 TRIALS = {
     "area 1": (500.0, 0.0, 0.0),
@@ -218,29 +184,6 @@ TRIALS = {
     "trial 6": (500.0, 1.0, 10.0),
     "trial 7": (1000.0, 1.0, 10.0),
 }
-
-
-@cache
-def _profile() -> SafeProfile:
-    """Walls with stiffness and damping, a viscous field, a held object; everything else default."""
-    elements = {
-        "wall": {"stiffness": "max", "damping": "max", "penetration": 0.01},
-        "water": {"damping": "max"},
-        "cup": {"mass": "max", "damping": 30.0},
-    }
-    return optimise(load_device("homerehab"), Scene.model_validate({"elements": elements}))
-
-
-def test_a_held_object_is_felt_as_mass_within_what_the_paper_could_simulate() -> None:
-    cup = _profile().elements["cup"]
-    assert ONE_STEP <= cup.mass <= FELT_INERTIA
-    assert cup.perceived_steps["mass"] >= 1
-    assert cup.rendered is not None
-    assert cup.rendered.mass >= ONE_STEP
-    # What it brings as damping lies within one step of the device's own 10 and the 30 asked for.
-    for felt in cup.rendered.damping_at_ends:
-        assert 1 / 1.2669 <= (10.0 + felt) / 40.0 <= 1.2669
-    assert cup.limited_by["mass"] in {"ripple", "rendering"}
 
 
 #: Two equal poles would make a mass of 1 kg felt with as much damping as the device's own.
@@ -302,14 +245,13 @@ def test_every_setting_of_the_study_is_met_exactly() -> None:
 @pytest.mark.long
 def test_a_cutoff_that_is_rounded_up_beyond_the_nyquist_frequency_is_found_again() -> None:
     """Of sample times up to 0.50037 ms the highest is 999.26 Hz, written as 999.3."""
-    device = Device(
-        motion="linear",
-        sample_time=quantity(0.0005, 0.000499629139021285, 0.0005003708609787151),
-        mass=quantity(0.034961031188815474, 0.034222500719269446, 0.0356995616583615),
-        damping=quantity(0.9795409816467706, 0.9697573313485682, 0.9893246319449731),
-        delay=quantity(0.0014070301814016848),
-        encoder_resolution=quantity(1.4977887669983815e-05),
-        force_limit=ForceLimit(continuous=9.560835407032208, peak=19.121670814064416),
+    device = device_of(
+        (0.034961031188815474, 0.034222500719269446, 0.0356995616583615),
+        (0.9795409816467706, 0.9697573313485682, 0.9893246319449731),
+        step=(0.0005, 0.000499629139021285, 0.0005003708609787151),
+        delay=0.0014070301814016848,
+        count=1.4977887669983815e-05,
+        force=9.560835407032208,
     )
     spring = {"stiffness": "max", "damping": 0.8084424723011537, "penetration": 0.0097805}
     wall = {"stiffness": "max", "damping": "max", "one_sided": True, "speed": 0.472228}

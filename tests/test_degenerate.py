@@ -56,6 +56,7 @@ def test_a_damper_of_its_own_does_not_help_where_damping_may_be_negative() -> No
 # The modes of a loop may be all but one.
 
 
+@pytest.mark.usefixtures("unrehearsed")
 def test_modes_of_a_fast_observer_leave_the_jitter_that_check_computes_too() -> None:
     """Of condition 1e10: their products lost poles that are 3e-4 within the circle."""
     facts = {"mass": (0.25, 0.22, 0.28), "damping": (0.8, 0.5, 1.2)}
@@ -70,6 +71,7 @@ def test_modes_of_a_fast_observer_leave_the_jitter_that_check_computes_too() -> 
 # The device is known exactly.
 
 
+@pytest.mark.usefixtures("unrehearsed")
 def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
     device = _device(mass=quantity(3.0), damping=quantity(10.0), delay=quantity(0.0))
     ended = _tuned(device, BLOCK)
@@ -94,6 +96,7 @@ def test_the_ripple_of_a_spring_on_a_device_that_hardly_damps_is_found_anew() ->
     check_content(to_mapping(profile), "as tuned")
 
 
+@pytest.mark.usefixtures("unrehearsed")
 def test_the_jitter_borne_by_poles_that_are_all_one_is_found_anew() -> None:
     known = {
         "mass": quantity(1.34926248324, 1.34791322075, 1.35061174572),
@@ -111,9 +114,6 @@ def test_the_jitter_borne_by_poles_that_are_all_one_is_found_anew() -> None:
     assert haptune("check", "profile.yaml").code == 0
 
 
-# The mass of the device may be anything within a decade.
-
-
 # Nothing can be played.
 
 
@@ -126,6 +126,7 @@ def test_no_effect_that_a_hand_could_tell() -> None:
 # Wishes that contradict each other or the device.
 
 
+@pytest.mark.usefixtures("unrehearsed")
 def test_of_ranges_that_are_each_possible_but_not_at_once_one_is_left() -> None:
     """14 N carry 1000 N/m over 10 mm, or another 1000 N/m, and not both."""
     one = "{penetration: 0.01, stiffness: {min: 1000, max: 1200}}"
@@ -139,7 +140,7 @@ def test_of_ranges_that_are_each_possible_but_not_at_once_one_is_left() -> None:
     assert (played["wall"].stiffness >= 1000, played["floor"].stiffness) == (True, 0.0)
 
 
-# Very many things.
+# The log is no log.
 
 
 FloatArray = NDArray[np.float64]

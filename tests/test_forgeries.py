@@ -352,14 +352,14 @@ def _digits_are_guarded(text: str, path: Path, others: Callable[[str], str], eve
 
 
 @pytest.mark.parametrize("rich", thinned([False, True], 1))
-def test_every_sixth_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
+def test_every_twelfth_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
     chance = np.random.default_rng(5)
     text = _profile(rich=rich).to_yaml()
 
     def another(digit: str) -> str:
         return str((int(digit) + int(chance.integers(1, 10))) % 10)
 
-    guarded = _digits_are_guarded(text, tmp_path / "profile.yaml", another, every=6)
+    guarded = _digits_are_guarded(text, tmp_path / "profile.yaml", another, every=12)
     assert guarded > (300 if rich else 200)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Mapping, Sequence
 from math import exp, pi
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,25 @@ from tune.verification import advise
 T, STEPS, CUTOFF, RISE, SPEED = 1e-3, 10, 50.0, 0.1, 0.2
 GAIN, DAMPING = 0.2, 10.0
 KNOWN = {"mass": quantity(3.0, 2.97, 3.03), "damping": quantity(10.0, 9.5, 10.5)}
-PROFILE = optimise(
-    load_device("homerehab").model_copy(update=KNOWN),
-    Scene.model_validate(
-        {"elements": {"water": {"damping": DAMPING}}, "loop": {"velocity_filter_hz": CUTOFF}}
-    ),
-)
+WATER = {"water": {"damping": DAMPING}}
+
+
+def tuned(
+    elements: Mapping[str, Any] = WATER,
+    hertz: float = CUTOFF,
+    *,
+    apart: Sequence[Sequence[str]] = (),
+    together: Sequence[Sequence[str]] = (),
+    **facts: Any,
+) -> SafeProfile:
+    """What is tuned on HomeRehab, well known, but for such facts."""
+    scene: dict[str, Any] = {"elements": elements, "loop": {"velocity_filter_hz": hertz}}
+    scene |= {"apart": apart, "together": together}
+    device = load_device("homerehab").model_copy(update=KNOWN | facts)
+    return optimise(device, Scene.model_validate(scene))
+
+
+PROFILE = tuned()
 
 
 def pushed(
@@ -93,23 +107,25 @@ def test_where_a_hand_may_still_push_it_is_said_and_not_judged(stop: bool) -> No
 
 
 def _rubbing(friction: float, speed: float) -> SafeProfile:
-    known = KNOWN | {"coulomb_friction": quantity(friction)}
     water = {"damping": DAMPING, "speed": speed}
-    scene = {"elements": {"water": water}, "loop": {"velocity_filter_hz": CUTOFF}}
-    device = load_device("homerehab").model_copy(update=known)
-    return optimise(device, Scene.model_validate(scene))
+    return tuned({"water": water}, coulomb_friction=quantity(friction))
+
+
+def _stored(profile: SafeProfile, **logs: Trajectory) -> None:
+    """As profile.yaml in the current folder, beside logs."""
+    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    for name, log in logs.items():
+        Path(f"{name}.csv").write_text(log_text(log), encoding="utf-8")
 
 
 @pytest.mark.parametrize("friction", [15.0, 60.0])
 def test_a_push_that_friction_stops_too_soon_is_not_prescribed(here: Path, friction: float) -> None:
-    Path("profile.yaml").write_text(_rubbing(friction, 0.1).to_yaml(), encoding="utf-8")
+    _stored(_rubbing(friction, 0.1), slow=pushed(0.0, friction=friction, speed=0.1))
     (told,) = json.loads(haptune("verify", "profile.yaml", "--json").out)["details"]["play"]
     assert told["play"] is None
     assert "friction stops it before the 50 rows" in told["why"]
     enough = float(re.findall(r"pushed to ([\d.]+) m/s", told["why"])[0])
     # Refused as told; not by what it is told to play instead.
-    slow = pushed(0.0, friction=friction, speed=0.1)
-    Path("slow.csv").write_text(log_text(slow), encoding="utf-8")
     refused = haptune("verify", "profile.yaml", "slow.csv", "--gain", f"{GAIN}")
     assert refused.code == 4
     assert "Instead: play" not in refused.err
@@ -123,11 +139,9 @@ def test_a_push_that_friction_stops_too_soon_is_not_prescribed(here: Path, frict
 
 
 def test_what_was_just_played_is_not_told_as_something_else(here: Path) -> None:
-    Path("profile.yaml").write_text(PROFILE.to_yaml(), encoding="utf-8")
     (advice,) = advise(PROFILE)
     assert advice.play is not None
-    log = pushed(0.8, last=0.3, stop=True, gain=advice.play.gain)
-    Path("stopped.csv").write_text(log_text(log), encoding="utf-8")
+    _stored(PROFILE, stopped=pushed(0.8, last=0.3, stop=True, gain=advice.play.gain))
     refused = haptune("verify", "profile.yaml", "stopped.csv")
     assert refused.code == 4
     assert "After what is said of the other checks, again: play water" in refused.err
@@ -135,14 +149,13 @@ def test_what_was_just_played_is_not_told_as_something_else(here: Path) -> None:
 
 
 def test_motion_that_friction_or_the_log_ends_is_not_laid_to_a_hand(here: Path) -> None:
-    rubbing = _rubbing(15.0, SPEED)
-    stopped = verify(rubbing, pushed(0.1, friction=15.0))
+    rubbing, log = _rubbing(15.0, SPEED), pushed(0.1, friction=15.0)
+    stopped = verify(rubbing, log)
     assert "friction stops it before the 50 rows" in decay(stopped)
     assert "Push it to 0.349 m/s" in decay(stopped)
     ended = decay(verify(PROFILE, pushed(0.8, last=0.05), release=0.9))
     assert "the log ends before the speed has fallen. Log until" in ended
-    Path("profile.yaml").write_text(rubbing.to_yaml(), encoding="utf-8")
-    Path("log.csv").write_text(log_text(pushed(0.1, friction=15.0)), encoding="utf-8")
+    _stored(rubbing, log=log)
     refused = haptune("verify", "profile.yaml", "log.csv").err
     (frequency,) = (line for line in refused.splitlines() if "nothing oscillates" in line)
     assert frequency.endswith("What to play is said of the delay.")
@@ -150,10 +163,9 @@ def test_motion_that_friction_or_the_log_ends_is_not_laid_to_a_hand(here: Path) 
 
 def test_what_was_dropped_is_not_to_be_verified(here: Path) -> None:
     fluids = {"water": {"damping": DAMPING}, "air": {"damping": 0.01}}
-    scene = {"elements": fluids, "together": [["water", "air"]]}
-    profile = optimise(load_device("homerehab"), Scene.model_validate(scene))
+    profile = tuned(fluids, together=[["water", "air"]])
     assert profile.elements["air"].damping == 0
-    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    _stored(profile)
     plan = json.loads(haptune("verify", "profile.yaml", "--json").out)["details"]["play"]
     assert [each["to_verify"] for each in plan] == [["water"]]
     asked = haptune("verify", "profile.yaml", "--element", "water+air")
@@ -162,10 +174,8 @@ def test_what_was_dropped_is_not_to_be_verified(here: Path) -> None:
 
 
 def test_what_fades_is_pushed_when_it_has_faded_in() -> None:
-    feather = {"feather": {"damping": -3.0}}
-    for effects, fades in ((feather, True), ({"water": {"damping": DAMPING}}, False)):
-        profile = optimise(load_device("homerehab"), Scene.model_validate({"elements": effects}))
-        (advice,) = advise(profile)
+    for effects, fades in (({"feather": {"damping": -3.0}}, True), (WATER, False)):
+        (advice,) = advise(tuned(effects))
         assert advice.play is not None
         said = "held still for 0.1 s until it has faded in, then pushed to 0.2 m/s"
         assert (said in advice.words("linear")) is fades
@@ -173,10 +183,7 @@ def test_what_fades_is_pushed_when_it_has_faded_in() -> None:
 
 def test_a_handle_that_stops_at_once_at_a_fast_rate_is_a_sentence() -> None:
     step = T / 8
-    fast = {"sample_time": quantity(step), "delay": quantity(step)}
-    scene = {"elements": {"water": {"damping": DAMPING}}, "loop": {"velocity_filter_hz": CUTOFF}}
-    device = load_device("homerehab").model_copy(update=KNOWN | fast)
-    profile = optimise(device, Scene.model_validate(scene))
+    profile = tuned(sample_time=quantity(step), delay=quantity(step))
     log = pushed(0.0, friction=90.0, speed=0.05, last=0.3, step=step, noise=0.0)
     seen = verify(profile, log, gain=GAIN)
     assert "decay: not assessed" in decay(seen)
@@ -205,13 +212,11 @@ def _let_go(element: ElementProfile, gain: float, start: float, hertz: float) ->
 
 
 def test_a_wall_that_lets_go_before_it_swings_is_not_played_for_motion(here: Path) -> None:
-    device = load_device("homerehab").model_copy(update=STYLUS)
-    loop, said, profile = {"velocity_filter_hz": 400.0}, "", PROFILE
+    said, profile = "", PROFILE
     wall: dict[str, object] = {}
     for damping in (12.0, 1.7):  # whose motion would not oscillate, and would
         wall = {"stiffness": 250.0, "damping": damping, "one_sided": True}
-        scene = {"elements": {"spring": wall}, "loop": loop}  # a name that is not free
-        profile = optimise(device, Scene.model_validate(scene))
+        profile = tuned({"spring": wall}, 400.0, **STYLUS)  # a name that is not free
         (advice,) = advise(profile)
         assert advice.play is None
         said = advice.words("linear")
@@ -219,21 +224,19 @@ def test_a_wall_that_lets_go_before_it_swings_is_not_played_for_motion(here: Pat
     # What it asks for instead can be played, and that is judged.
     (damping,) = re.findall(r"`spring_2: {stiffness: max, damping: ([\d.]+)}`", said)
     elements = {"spring": wall, "spring_2": {"stiffness": "max", "damping": float(damping)}}
-    scene = {"elements": elements, "loop": loop, "apart": [["spring", "spring_2"]]}
-    told = advise(tuned := optimise(device, Scene.model_validate(scene)))
-    assert tuned.elements["spring_2"].limited_by["damping"] == "wanted"
+    both = tuned(elements, 400.0, apart=[["spring", "spring_2"]], **STYLUS)
+    assert both.elements["spring_2"].limited_by["damping"] == "wanted"
+    told = advise(both)
     for each in told:
         assert each.play is not None
         assert each.play.elements == ("spring_2",)
     play = told[0].play
     assert play is not None
     assert play.displacement is not None
-    log = _let_go(tuned.elements["spring_2"], play.gain, play.displacement, 400.0)
-    assert verify(tuned, log).assessed
+    log = _let_go(both.elements["spring_2"], play.gain, play.displacement, 400.0)
+    assert verify(both, log).assessed
     # The wall itself is refused with what happens, and never told to be played again.
-    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
-    left = log_text(_let_go(profile.elements["spring"], 0.2, 0.02, 400.0))
-    Path("left.csv").write_text(left, encoding="utf-8")
+    _stored(profile, left=_let_go(profile.elements["spring"], 0.2, 0.02, 400.0))
     refused = haptune("verify", "profile.yaml", "left.csv")
     assert refused.code == 4
     assert "the handle leaves a one-sided wall, or the force its limit" in refused.err

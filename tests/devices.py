@@ -2,7 +2,7 @@
 
 from typing import Literal
 
-from identification import Device, ForceLimit, quantity
+from identification import Device, quantity
 
 #: A value, or one with both ends of its interval.
 Fact = float | tuple[float, float, float]
@@ -28,9 +28,11 @@ def device_of(
     """A device of these facts; twice its lasting force for a moment, if nothing else is said."""
     facts = {"mass": mass, "damping": damping, "sample_time": step, "delay": delay}
     facts |= {} if friction is None else {"coulomb_friction": friction}
-    return Device(
-        motion=motion,
-        encoder_resolution=quantity(count),
-        force_limit=ForceLimit(continuous=force, peak=peak or 2 * force),
-        **{n: quantity(*v) if isinstance(v, tuple) else quantity(v) for n, v in facts.items()},
+    return Device.model_validate(
+        {
+            "motion": motion,
+            "encoder_resolution": count,
+            "force_limit": {"continuous": force, "peak": peak or 2 * force},
+            **{n: quantity(*v) if isinstance(v, tuple) else v for n, v in facts.items()},
+        }
     )

@@ -84,7 +84,7 @@ def decay(seen: Verification) -> str:
     return str(next(each for each in seen.outcomes if each.check == "decay"))
 
 
-@pytest.mark.parametrize("hold", [0.0, 0.2, 0.4, 0.8])
+@pytest.mark.parametrize("hold", [0.0, 0.4, 0.8])
 def test_the_decay_is_that_of_the_device_however_long_a_hand_pushed(hold: float) -> None:
     seen = verify(PROFILE, pushed(hold))
     assert "decay agrees" in decay(seen)
@@ -118,8 +118,9 @@ def _stored(profile: SafeProfile, **logs: Trajectory) -> None:
         Path(f"{name}.csv").write_text(log_text(log), encoding="utf-8")
 
 
-@pytest.mark.parametrize("friction", [15.0, 60.0])
-def test_a_push_that_friction_stops_too_soon_is_not_prescribed(here: Path, friction: float) -> None:
+@pytest.mark.usefixtures("here")
+def test_a_push_that_friction_stops_too_soon_is_not_prescribed() -> None:
+    friction = 60.0
     _stored(_rubbing(friction, 0.1), slow=pushed(0.0, friction=friction, speed=0.1))
     (told,) = json.loads(haptune("verify", "profile.yaml", "--json").out)["details"]["play"]
     assert told["play"] is None
@@ -189,7 +190,7 @@ def test_a_handle_that_stops_at_once_at_a_fast_rate_is_a_sentence() -> None:
     assert "decay: not assessed" in decay(seen)
 
 
-STYLUS = {
+STYLUS: dict[str, Any] = {
     "mass": quantity(0.05, 0.0499, 0.0501),
     "damping": quantity(0.3, 0.298, 0.302),
     "coulomb_friction": quantity(0.04),
@@ -200,7 +201,7 @@ STYLUS = {
 
 def _let_go(element: ElementProfile, gain: float, start: float, hertz: float) -> Trajectory:
     """A stylus let go from where an element pushes it back."""
-    known: dict[str, Any] = {name: each.value for name, each in STYLUS.items()}
+    known = {name: each.value for name, each in STYLUS.items()}
     law = Controller(
         stiffness=gain * element.stiffness,
         damping=gain * element.damping,

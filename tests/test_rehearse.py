@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from datasets_synthetic import Calls, Controller, Rehearsal, Rig, VirtualElement, rehearse
-from identification import ForceLimit, SlopeRange, as_stored, load_device, quantity
-from tests.commands import haptune
+from identification import SlopeRange, as_stored, load_device, quantity
+from tests.commands import Ended, haptune
+from tests.devices import device_of
 from tests.entered_scenes import made
 from tests.exported import FADE, tuned
 from tune import CheckFailedError, SafeProfile, Scene, check, load_profile, optimise
@@ -124,13 +125,23 @@ def test_a_wall_that_could_not_be_had_faces_no_other() -> None:
     assert [(part["stiffness"], part["side"]) for part in rows(law, 0)] == [(2000.0, -1)]
 
 
+def shakes(*elements: str) -> RestlessError:
+    return RestlessError({elements: "shakes."})
+
+
+def tune(
+    folder: Path, scene: str, answers: Any, device: str = "homerehab", hertz: object = 100.0
+) -> Ended:
+    """The command on a scene, its rehearsals answered so; it writes profile.yaml."""
+    path = folder / "scene.yaml"
+    path.write_text(f"loop: {{velocity_filter_hz: {hertz}}}\nelements: {{{scene}}}\n")
+    with mock.patch("tune.cli.settling.refuse_restless", side_effect=answers):
+        return haptune("tune", device, str(path), "-o", str(folder / "profile.yaml"))
+
+
 def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
     """Exit 5 names the element; 6 is for a profile that exists."""
-    scene = tmp_path / "scene.yaml"
-    scene.write_text("schema: haptune/scene/1\nname: pool\nelements: {water: {damping: 10.0}}\n")
-    shakes = RestlessError({("water",): "shakes."})
-    with mock.patch("tune.cli.settling.refuse_restless", side_effect=shakes):
-        ended = haptune("tune", "homerehab", str(scene), "-o", str(tmp_path / "profile.yaml"))
+    ended = tune(tmp_path, "water: {damping: 10.0}", shakes("water"))
     assert ended.code == 5
     assert "water: rehearsal: shakes. Ask for less of it" in " ".join(ended.err.split())
     assert not (tmp_path / "profile.yaml").exists()
@@ -138,60 +149,44 @@ def test_what_does_not_settle_is_no_feasible_effect(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("wish", ["max", "min"])
 def test_less_is_asked_for_of_what_does_not_settle(tmp_path: Path, wish: str) -> None:
-    scene, found = tmp_path / "scene.yaml", list[float]()
-    elements = f"{{water: {{damping: {wish}}}}}"
-    scene.write_text(f"schema: haptune/scene/1\nname: pool\nelements: {elements}\n")
-    shakes = RestlessError({("water",): "shakes."})
-    for answers in ([None], [shakes, None]):
-        path = tmp_path / f"{len(answers)}.yaml"
-        with mock.patch("tune.cli.settling.refuse_restless", side_effect=answers):
-            ended = haptune("tune", "homerehab", str(scene), "-o", str(path))
+    path, found = tmp_path / "profile.yaml", list[float]()
+    for answers in ([None], [shakes("water"), None]):
+        ended = tune(tmp_path, f"water: {{damping: {wish}}}", answers)
         assert ended.code == 0
-        assert ("shakes; tuned again with less of it" in ended.err) == (answers[0] is shakes)
-        profile = load_profile(path)
+        assert ("shakes; tuned again with less of it" in ended.err) == (answers != [None])
+        profile = check(path).profile
         found.append(profile.elements["water"].damping)
-        assert check(path).profile.digest == profile.digest
     assert found[1] == pytest.approx(0.7 * found[0], rel=1e-5)
     assert profile.elements["water"].limited_by == {"damping": "stability"}
     (note,) = profile.notes
     assert note.startswith("rehearsal: water.damping is less than other limits allow, so that it")
-    silent = profile.model_copy(update={"notes": ()}).signed()
-    Path(path).write_text(silent.to_yaml(), encoding="utf-8")
+    path.write_text(profile.model_copy(update={"notes": ()}).signed().to_yaml(), encoding="utf-8")
     with pytest.raises(CheckFailedError, match="limited by stability, which would allow 10% more"):
         check(path)
 
 
-LOOP = "loop: {velocity_filter_hz: 100.0}\n"
+WALL = "wall: {stiffness: max, damping: max, one_sided: true}"
+MIST = "mist: {damping: {min: 0.5, max: 3}}"
 
 
 @pytest.mark.parametrize("alone", [True, False])
 def test_nothing_is_less_for_the_sake_of_what_is_not_felt_so(tmp_path: Path, alone: bool) -> None:
     """Mist of 0.7 times as much is no step; a wall that settles without it is whole again."""
-    scene, path = tmp_path / "scene.yaml", tmp_path / "profile.yaml"
-    wall, mist = (
-        "wall: {stiffness: max, damping: max, one_sided: true}",
-        "mist: {damping: {min: 0.5, max: 3}}",
-    )
-
-    def tuned(elements: str, veto: Any) -> tuple[SafeProfile, str]:
-        scene.write_text(f"schema: haptune/scene/1\nname: pool\n{LOOP}elements: {{{elements}}}\n")
-        with mock.patch("tune.cli.settling.refuse_restless", side_effect=veto):
-            ended = haptune("tune", "homerehab", str(scene), "-o", str(path))
-        assert ended.code == 0, ended.err
-        return load_profile(path), " ".join(ended.err.split())
-
-    whole = tuned(wall, None)[0].elements["wall"]
+    path = tmp_path / "profile.yaml"
+    assert tune(tmp_path, WALL, None).code == 0
+    whole = load_profile(path).elements["wall"].damping
 
     def shaking(design: SafeProfile, _: Any) -> None:
         if design.elements["mist"].damping:
-            raise RestlessError({("wall", "mist"): "shakes."})
-        if not alone and design.elements["wall"].damping > 0.9 * whole.damping:
-            raise RestlessError({("wall",): "shakes."})
+            raise shakes("wall", "mist")
+        if not alone and design.elements["wall"].damping > 0.9 * whole:
+            raise shakes("wall")
 
-    profile, said = tuned(f"{wall}, {mist}", shaking)
-    assert check(path).profile.digest == profile.digest
+    ended = tune(tmp_path, f"{WALL}, {MIST}", shaking)
+    assert ended.code == 0, ended.err
+    said, profile = " ".join(ended.err.split()), check(path).profile
     part = 1 if alone else 0.7
-    assert profile.elements["wall"].damping == pytest.approx(part * whole.damping, rel=0.02)
+    assert profile.elements["wall"].damping == pytest.approx(part * whole, rel=0.02)
     assert "wall + mist: rehearsal: shakes; tuned again" in said
     assert ("wall: rehearsal: shakes; tuned again" in said) is not alone
     note = next(each for each in profile.notes if each.startswith("mist.damping dropped: "))
@@ -201,12 +196,7 @@ def test_nothing_is_less_for_the_sake_of_what_is_not_felt_so(tmp_path: Path, alo
 
 
 def test_what_is_not_felt_where_it_settles_is_refused_with_the_rehearsal(tmp_path: Path) -> None:
-    scene = tmp_path / "scene.yaml"
-    mist = "{mist: {damping: {min: 0.5, max: 3}}}"
-    scene.write_text(f"schema: haptune/scene/1\nname: pool\n{LOOP}elements: {mist}\n")
-    shakes = RestlessError({("mist",): "shakes."})
-    with mock.patch("tune.cli.settling.refuse_restless", side_effect=shakes):
-        ended = haptune("tune", "homerehab", str(scene), "-o", str(tmp_path / "profile.yaml"))
+    ended = tune(tmp_path, MIST, shakes("mist"))
     assert ended.code == 5
     said = " ".join(ended.err.split())
     assert "mist.damping: with more of it mist did not settle in simulation; 2.1 would be" in said
@@ -216,15 +206,9 @@ def test_what_is_not_felt_where_it_settles_is_refused_with_the_rehearsal(tmp_pat
 
 def test_what_was_told_apart_stays_so_where_less_is_asked_for(tmp_path: Path) -> None:
     """Less of the water is not to cost the wall that is never met with it, nor minutes."""
-    scene, path = tmp_path / "scene.yaml", tmp_path / "profile.yaml"
-    wall = "{stiffness: max, damping: max, one_sided: true, priority: 2}"
-    elements = f"{{wall: {wall}, water: {{damping: {{min: 0.5, max: 8}}}}}}"
-    loop = "{velocity_filter_hz: none}"
-    scene.write_text(f"schema: haptune/scene/1\nname: pool\nloop: {loop}\nelements: {elements}\n")
-    answers = [RestlessError({("water",): "shakes."}), None]
-    with mock.patch("tune.cli.settling.refuse_restless", side_effect=answers):
-        assert haptune("tune", "stylus", str(scene), "-o", str(path)).code == 0
-    profile = check(path).profile
+    elements = WALL.replace("true", "true, priority: 2") + ", water: {damping: {min: 0.5, max: 8}}"
+    assert tune(tmp_path, elements, [shakes("water"), None], "stylus", "none").code == 0
+    profile = check(tmp_path / "profile.yaml").profile
     assert profile.elements["water"].damping == pytest.approx(5.6)
     assert profile.elements["wall"].stiffness > 1300
     assert profile.apart == (("wall", "water"),)
@@ -233,19 +217,9 @@ def test_what_was_told_apart_stays_so_where_less_is_asked_for(tmp_path: Path) ->
 
 def test_a_device_without_an_effect_beside_another_is_tuned() -> None:
     """A wall too faint to be felt on a device that hardly damps, beside water and a cup."""
-    device = as_stored(
-        load_device("homerehab").model_copy(
-            update={
-                "sample_time": quantity(0.005),
-                "delay": quantity(0.005),
-                "mass": quantity(0.0929, 0.0928, 0.0930),
-                "damping": quantity(0.00179, 0.001788, 0.001792),
-                "coulomb_friction": quantity(0.007),
-                "encoder_resolution": quantity(2.27e-7),
-                "force_limit": ForceLimit(continuous=1.81, peak=3.62),
-            }
-        )
-    )
+    mass, damping = (0.0929, 0.0928, 0.0930), (0.00179, 0.001788, 0.001792)
+    drive: dict[str, Any] = {"count": 2.27e-7, "force": 1.81, "friction": 0.007}
+    device = as_stored(device_of(mass, damping, step=0.005, delay=0.005, **drive))
     loop = {"velocity_filter_hz": "none", "acceleration_filter_hz": "none"}
     wall = {"stiffness": "max", "damping": "max", "one_sided": True}
     elements = {"water": {"damping": "max"}, "wall": wall}

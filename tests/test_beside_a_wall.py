@@ -38,9 +38,17 @@ def _seen(log: Trajectory, **stated: Any) -> Verification:
     return seen
 
 
-@pytest.mark.parametrize("element", ["wall+gel", None])
-@pytest.mark.parametrize("at", [ABOVE, BELOW])
-@pytest.mark.parametrize(("gain", "push"), [(0.2, 0.3), (0.5, 1.0), (0.5, 2.0)])
+@pytest.mark.parametrize(
+    ("at", "gain", "push", "element"),
+    [
+        (ABOVE, 0.2, 0.3, "wall+gel"),
+        (BELOW, 0.2, 0.3, None),
+        (ABOVE, 0.5, 1.0, None),
+        (BELOW, 0.5, 1.0, "wall+gel"),
+        (ABOVE, 0.5, 2.0, "wall+gel"),
+        (BELOW, 0.5, 2.0, None),
+    ],
+)
 def test_a_wall_beside_gel_agrees(
     at: tuple[float, int], gain: float, push: float, element: str | None
 ) -> None:

@@ -1,5 +1,6 @@
 """The paper's equations and limits as printed, against the code, where they hold and fail."""
 
+from collections.abc import Callable
 from typing import Any
 
 import mpmath
@@ -172,44 +173,40 @@ def test_mass_equation_19(delta: float) -> None:
 
 
 @pytest.mark.parametrize("delta", [1e-9, 1e-6, 1e-3, 0.1, 1.0, 2.0])
-class TestPublishedLimits:
+@pytest.mark.parametrize(
+    ("equation", "effect", "beside"),
+    [
+        (equation_6, "stiffness", {}),
+        (equation_13, "damping", {}),
+        (equation_25, "stiffness", {"damping": 1e-3}),
+        (equation_25, "stiffness", {"damping": 0.3}),
+        (equation_25, "stiffness", {"damping": 1.0}),
+        (equation_28, "damping", {"mass": 0.1}),
+        (equation_28, "damping", {"mass": 0.5}),
+        (equation_28, "damping", {"mass": 1.0}),
+    ],
+)
+def test_upper_limits_6_13_25_28(
+    equation: Callable[[Setting], Number],
+    effect: EffectName,
+    beside: dict[EffectName, float],
+    delta: float,
+) -> None:
     """One code path against the printed formulas, evaluated in 60 digits with m = T = 1."""
+    with mpmath.workdps(DIGITS):
+        limit = equation(Setting.dimensionless(delta, *(beside.get(e, 0.0) for e in EFFECTS)))
+    found = largest(Loop.dimensionless(delta), effect, Effects(**beside))
+    assert float(found) == pytest.approx(float(limit), rel=1e-11 if beside else 1e-12)
 
-    def test_spring_equation_6(self, delta: float) -> None:
-        with mpmath.workdps(DIGITS):
-            limit = equation_6(Setting.dimensionless(delta, 0, 0, 0))
-        assert float(largest(Loop.dimensionless(delta), "stiffness")) == pytest.approx(
-            float(limit), rel=1e-12
-        )
 
-    def test_damper_equation_13(self, delta: float) -> None:
-        with mpmath.workdps(DIGITS):
-            limit = equation_13(Setting.dimensionless(delta, 0, 0, 0))
-        assert float(largest(Loop.dimensionless(delta), "damping")) == pytest.approx(
-            float(limit), rel=1e-12
-        )
-
-    def test_spring_damper_equation_25(self, delta: float) -> None:
-        for B in (0.1 * delta, 0.3, 1.0):
-            with mpmath.workdps(DIGITS):
-                limit = equation_25(Setting.dimensionless(delta, 0, B, 0))
-            found = largest(Loop.dimensionless(delta), "stiffness", Effects(damping=B))
-            assert float(found) == pytest.approx(float(limit), rel=1e-11)
-
-    def test_mass_damper_equation_28(self, delta: float) -> None:
-        for M in (0.1, 0.5, 1.0):
-            with mpmath.workdps(DIGITS):
-                limit = equation_28(Setting.dimensionless(delta, 0, 0, M))
-            found = largest(Loop.dimensionless(delta), "damping", Effects(mass=M))
-            assert float(found) == pytest.approx(float(limit), rel=1e-11)
-
-    @pytest.mark.parametrize("B", [0.0, 0.2])
-    def test_spring_mass_and_all_three_equations_36_and_43(self, delta: float, B: float) -> None:
-        for M in (0.1, 0.5):
-            effects = Effects(damping=B, mass=M)
-            limit = float(largest(Loop.dimensionless(delta), "stiffness", effects))
-            assert _printed_43(delta, limit * (1 - 1e-10), B, M) > 0
-            assert _printed_43(delta, limit * (1 + 1e-10), B, M) < 0
+@pytest.mark.parametrize("delta", [1e-9, 1e-6, 1e-3, 0.1, 1.0, 2.0])
+@pytest.mark.parametrize("B", [0.0, 0.2])
+def test_spring_mass_and_all_three_equations_36_and_43(delta: float, B: float) -> None:
+    for M in (0.1, 0.5):
+        effects = Effects(damping=B, mass=M)
+        limit = float(largest(Loop.dimensionless(delta), "stiffness", effects))
+        assert _printed_43(delta, limit * (1 - 1e-10), B, M) > 0
+        assert _printed_43(delta, limit * (1 + 1e-10), B, M) < 0
 
 
 def test_limits_that_the_printed_formulas_miss_at_large_delta() -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,6 +38,14 @@ from tune import (
 )
 from tune.loop.loop import filters_of
 
+
+def tuned(elements: dict[str, Any], **more: Any) -> SafeProfile:
+    """On HomeRehab."""
+    return optimise(load_device("homerehab"), Scene.model_validate({"elements": elements, **more}))
+
+
+#: Of profiles with walls.
+FIFTY = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
 FILTERED = ("--velocity-filter", "30", "--acceleration-filter", "30")
 
@@ -62,8 +71,7 @@ def test_the_papers_own_setting_is_safe_with_filters() -> None:
 def test_a_profile_with_tracking_filters_is_judged_as_it_was_certified() -> None:
     """Mass and damping of a tuned element, by hand into the command: the same gain margin."""
     loop = {"velocity_filter": "tracking", "acceleration_filter": "tracking"}
-    scene = {"elements": {"it": {"mass": "max", "damping": 30.0}}, "loop": loop}
-    profile = optimise(load_device("homerehab"), Scene.model_validate(scene))
+    profile = tuned({"it": {"mass": "max", "damping": 30.0}}, loop=loop)
     it, used = profile.elements["it"], profile.loop
     ended = haptune(
         *("audit", "homerehab", "--mass", str(it.mass), "--damping", str(it.damping)),
@@ -78,11 +86,9 @@ def test_a_profile_with_tracking_filters_is_judged_as_it_was_certified() -> None
 
 def test_a_wall_of_a_profile_is_judged_as_a_wall_that_is_cut(tmp_path: Path) -> None:
     """As another element it would hold 25 N where the actuator gives 14; it is cut there."""
-    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
     wall = {"stiffness": 3000.0, "damping": 30.0, "one_sided": True}
-    scene = Scene.model_validate({"elements": {"wall": wall}, "loop": loop})
     path = tmp_path / "profile.yaml"
-    path.write_text(optimise(load_device("homerehab"), scene).to_yaml())
+    path.write_text(tuned({"wall": wall}, loop=FIFTY).to_yaml())
     softer = ("audit", "homerehab", "--stiffness", "2500", "--damping", "30", "--json")
     plain = haptune(*softer, "--velocity-filter", "50").result["details"]
     assert {each["limit"] for each in plain["faults"]} == {"force"}
@@ -107,9 +113,9 @@ def test_elements_of_a_profile_are_judged_with_its_margin_and_in_its_hand(tmp_pa
     """What is safe with the usual margin is not, where its profile keeps more."""
     sides = {"mass": (0.0, 0.1), "damping": (0.0, 1.0), "stiffness": (100.0, 3000.0)}
     hand = {n: {"value": high, "low": low, "high": high} for n, (low, high) in sides.items()}
-    wanted = {"margin": "conservative", "hand": hand, "elements": {"rubber": {"stiffness": 900.0}}}
+    rubber = {"rubber": {"stiffness": 900.0}}
     path = tmp_path / "profile.yaml"
-    path.write_text(optimise(load_device("homerehab"), Scene.model_validate(wanted)).to_yaml())
+    path.write_text(tuned(rubber, margin="conservative", hand=hand).to_yaml())
     like, gains = ("--like", f"{path},rubber"), ("--stiffness", "900")
     own = haptune("audit", "homerehab", *like)
     assert own.code == 0, own.err
@@ -124,32 +130,27 @@ def test_elements_of_a_profile_are_judged_with_its_margin_and_in_its_hand(tmp_pa
 
 def test_a_wall_that_shares_the_peak_is_judged_as_cut_at_its_own_level() -> None:
     """Of 28 N at the peak rubber takes 5 N, 1 cm deep; half of the rest is for each of them."""
-    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
     wall = {"stiffness": 3000.0, "damping": 30.0, "one_sided": True}
-    elements = {"wall": wall, "rubber": {"stiffness": 500.0}}
-    scene = Scene.model_validate({"elements": elements, "loop": loop})
-    device = load_device("homerehab")
-    profile = optimise(device, scene)
+    profile = tuned({"wall": wall, "rubber": {"stiffness": 500.0}}, loop=FIFTY)
     its = profile.elements["wall"]
     assert its.force_level == 11.5
     assert its.contact is not None
     effects = Effects(stiffness=its.stiffness, damping=its.damping)
-    found = audit(device, effects, filters=filters_of(profile.loop), like=(profile, "wall"))
+    filters = filters_of(profile.loop)
+    found = audit(profile.device, effects, filters=filters, like=(profile, "wall"))
     assert found.wall.depth_at_peak_force == its.contact.depth_at_peak_force
 
 
 def test_a_wall_met_farther_before_its_face_than_its_profile_allows_is_not_safe() -> None:
     """Met speed·(B/K - T - T/2) before its face, by the delay and half a sample."""
-    loop = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
     wall = {"stiffness": "max", "damping": "max", "one_sided": True, "lead": 0.001}
-    scene = Scene.model_validate({"elements": {"wall": wall}, "loop": loop})
-    device = load_device("homerehab")
-    profile = optimise(device, scene)
+    profile = tuned({"wall": wall}, loop=FIFTY)
     its, T, speed = profile.elements["wall"], 1e-3, 0.2
 
     def judged(stiffness: float, damping: float) -> Audit:
         effects = Effects(stiffness=stiffness, damping=damping)
-        return audit(device, effects, filters=filters_of(profile.loop), like=(profile, "wall"))
+        filters = filters_of(profile.loop)
+        return audit(profile.device, effects, filters=filters, like=(profile, "wall"))
 
     assert judged(its.stiffness, its.damping).safe
     far = judged(1000.0, 60.0)

@@ -205,21 +205,25 @@ def delay_of_the_margin() -> Edge:
     )
 
 
-def claimed_gain() -> Edge:
-    gain = limit(AXIS, (1200.0, 0.0, 0.0))
+def claimed(word: str, stiffness: float, **beside: Any) -> Edge:
+    """Of a spring alone, or of one beside a stiffer one that claims less."""
+    edge, own = limit(AXIS, (stiffness, 0.0, 0.0)), 0.0
+    if word == "delay":
+        edge, own = latest(stiffness, 1.0), 1.0
+    key = {"gain": "gain", "delay": "extra_delay_samples"}[word]
     return Edge(
-        "a: claimed gain margin: unstable at",
-        lambda part: design({"a": element(1200.0, margins={"gain": part * gain})}),
+        f"a: claimed {word} margin: unstable at",
+        lambda part: design({"a": element(stiffness, margins={key: part * edge - own}), **beside}),
     )
 
 
-def claimed_delay() -> Edge:
-    samples = latest(1200.0, 1.0)
-    claim = "extra_delay_samples"
-    return Edge(
-        "a: claimed delay margin: unstable at",
-        lambda part: design({"a": element(1200.0, margins={claim: part * samples - 1})}),
-    )
+#: By whether another spring is there, by whose proof that of this one is covered.
+CLAIMS: dict[str, Callable[[], Edge]] = {
+    "claimed_gain": lambda: claimed("gain", 1200.0),
+    "claimed_delay": lambda: claimed("delay", 1200.0),
+    "gain_of_a_lesser_spring": lambda: claimed("gain", 600.0, b=element(1e3)),
+    "delay_of_a_lesser_spring": lambda: claimed("delay", 1200.0, b=element(1900.0)),
+}
 
 
 def sum_of_two() -> Edge:
@@ -239,28 +243,6 @@ def springs_alone() -> Edge:
     return Edge(
         "b: margin: unstable at",
         lambda part: design({name: element(part * each * reach) for name, each in parts.items()}),
-    )
-
-
-def gain_of_a_lesser_spring() -> Edge:
-    """Claimed of the less stiff of two springs up to more than the other is."""
-    gain = limit(AXIS, (600.0, 0.0, 0.0))
-    return Edge(
-        "a: claimed gain margin: unstable at",
-        lambda part: design(
-            {"a": element(600.0, margins={"gain": part * gain}), "b": element(1e3)}
-        ),
-    )
-
-
-def delay_of_a_lesser_spring() -> Edge:
-    samples = latest(1200.0, 1.0)
-    claim = "extra_delay_samples"
-    return Edge(
-        "a: claimed delay margin: unstable at",
-        lambda part: design(
-            {"a": element(1200.0, margins={claim: part * samples - 1}), "b": element(1900.0)}
-        ),
     )
 
 
@@ -407,25 +389,20 @@ def felt(law: Callable[[Array], Complex], hertz: float) -> complex:
     return complex(law(np.array([abs(turn) * STEP]))[0] * held * np.exp(-turn * STEP) / turn)
 
 
-def damping_of_a_mass() -> Edge:
+def damping_of_a_mass(more: float = 10.0 * PERCEPTION["damping"], **table: float) -> Edge:
     """A damping of the device that a mass makes greater by a Weber fraction."""
-    reach = 10.0 * PERCEPTION["damping"] / felt(fast, 5.0).real
+    reach = more / felt(fast, 5.0).real
     return Edge(
         "of damping where 0 is asked for",
         lambda part: design(
-            {"a": element(0.0, 0.0, part * reach)}, loop=FAST, perception=PERCEPTION
+            {"a": element(0.0, 0.0, part * reach)}, loop=FAST, perception=PERCEPTION | table
         ),
     )
 
 
 def faint_damping_of_a_mass() -> Edge:
     """One force just noticed, where that is more than a Weber fraction of what the device has."""
-    dull = PERCEPTION | {"threshold": 4.0}
-    reach = 4.0 / 0.2 / felt(fast, 5.0).real
-    return Edge(
-        "of damping where 0 is asked for",
-        lambda part: design({"a": element(0.0, 0.0, part * reach)}, loop=FAST, perception=dull),
-    )
+    return damping_of_a_mass(4.0 / 0.2, threshold=4.0)
 
 
 def mass_of_a_damper() -> Edge:
@@ -663,32 +640,30 @@ def walls_of_one_signal() -> Edge:
     )
 
 
-def damper_beside_a_wall() -> Edge:
-    """Switched at any moment."""
-    reach = reach_of([(*WALL, 0.0, THREE), (0.0, 30.0, 8e-4, ())])
+def beside_a_wall(
+    name: str, K: float, B: float, channel: tuple[str, float, Sequence[tuple[int, float]]]
+) -> Edge:
+    """An element whose channel, constant and taps are these, as much larger as the wall."""
+    reach = reach_of([(*WALL, 0.0, THREE), (K, B, *channel[1:])])
     assert reach < 0.8 * reach_of([(*WALL, 0.0, THREE)])
     return Edge(
-        "wall + water: not proved stable with its clamps",
-        lambda part: clamps(part * reach, water=element(0.0, part * reach * 30.0)),
+        f"wall + {name}: not proved stable with its clamps",
+        lambda part: clamps(part * reach, **{name: element(part * reach * K, part * reach * B)}),
         {
             "wall": proof(("wall", 0.0, THREE)),
-            "wall + water": proof(("wall", 0.0, THREE), ("damping", 8e-4, ())),
+            f"wall + {name}": proof(("wall", 0.0, THREE), channel),
         },
     )
+
+
+def damper_beside_a_wall() -> Edge:
+    """Switched at any moment."""
+    return beside_a_wall("water", 0.0, 30.0, ("damping", 8e-4, ()))
 
 
 def spring_beside_a_wall() -> Edge:
     """A clamp of another signal."""
-    reach = reach_of([(*WALL, 0.0, THREE), (500.0, 0.0, 0.0, LONG)])
-    assert reach < 0.8 * reach_of([(*WALL, 0.0, THREE)])
-    return Edge(
-        "wall + rubber: not proved stable with its clamps",
-        lambda part: clamps(part * reach, rubber=element(part * reach * 500.0)),
-        {
-            "wall": proof(("wall", 0.0, THREE)),
-            "wall + rubber": proof(("wall", 0.0, THREE), ("rubber", 0.0, LONG)),
-        },
-    )
+    return beside_a_wall("rubber", 500.0, 0.0, ("rubber", 0.0, LONG))
 
 
 def mass_beside_a_wall() -> Edge:
@@ -716,16 +691,13 @@ def wall_of_a_held_device() -> Edge:
 
 EDGES: dict[str, Callable[[], Edge]] = {
     **{f"box: {name}": lambda name=name: side_of_the_box(name) for name in SIDES},
+    **CLAIMS,
     **{
         each.__name__: each
         for each in (
             delay_of_the_margin,
-            claimed_gain,
-            claimed_delay,
             sum_of_two,
             springs_alone,
-            gain_of_a_lesser_spring,
-            delay_of_a_lesser_spring,
             gain_below_the_whole,
             level_of_what_fades,
             longest_delay,

@@ -1,7 +1,6 @@
 """The sampled loop against 360-digit arithmetic."""
 
 import time
-from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -313,7 +312,11 @@ def test_units_scale_of_time_and_sign_of_a_mode_do_not_matter(
     assert float(safe_gain(loop_of(other), effects_at(ray, 1.0))) == pytest.approx(plain, rel=1e-9)
 
 
-def _accept(tally: Counter[str], count: int) -> None:
+@pytest.mark.parametrize(
+    ("count", "seed"), thinned([(75, 1), *((2_000, 100 + k) for k in range(25))], 1)
+)
+def test_verdicts_and_margins_against_360_digits(count: int, seed: int) -> None:
+    tally = compare(count, seed)
     assert tally["wrong"] == 0, tally
     assert tally["wrong intervals"] == 0, tally
     assert tally["intervals"] == count
@@ -323,17 +326,6 @@ def _accept(tally: Counter[str], count: int) -> None:
     # 1e-9 from the boundary is meant to be decided, not merely not wrong.
     assert tally["near undecided"] <= max(2, 2e-3 * tally["near"]), tally
     assert tally["draw undecided"] <= 1e-3 * tally["draw"], tally
-
-
-@pytest.mark.parametrize("count", thinned([75, 150], 1))
-def test_verdicts_and_margins_against_360_digits(count: int) -> None:
-    _accept(compare(count, seed=1), count)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(25))
-def test_verdicts_and_margins_against_360_digits_long(seed: int) -> None:
-    _accept(compare(2_000, seed=100 + seed), 2_000)
 
 
 def test_what_only_a_mode_damps_is_right_to_six_digits() -> None:

@@ -116,7 +116,11 @@ def _differences(case: Case) -> dict[str, float]:
     }
 
 
-def _compare(count: int, seed: int, *, plain: bool) -> None:
+@pytest.mark.parametrize(
+    ("count", "seed", "plain"),
+    thinned([(3, 1, False), (5, 1, True), *((200, 100 + k, bool(k % 2)) for k in range(10))], 1),
+)
+def test_margins_of_random_loops(count: int, seed: int, plain: bool) -> None:
     rng = np.random.default_rng(seed)
     wrong: Counter[str] = Counter()
     examples: dict[str, tuple[Case, float]] = {}
@@ -127,18 +131,6 @@ def _compare(count: int, seed: int, *, plain: bool) -> None:
                 wrong[name] += 1
                 examples[name] = (case, difference)
     assert not wrong, (wrong, examples)
-
-
-@pytest.mark.parametrize("plain", thinned([False, True], 1))
-@pytest.mark.parametrize("count", thinned([3, 5], 1))
-def test_margins_of_random_loops(plain: bool, count: int) -> None:
-    _compare(count, seed=1, plain=plain)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(10))
-def test_margins_of_random_loops_long(seed: int) -> None:
-    _compare(200, seed=100 + seed, plain=bool(seed % 2))
 
 
 def test_an_unstable_loop_has_no_margins_but_a_growth() -> None:
@@ -219,8 +211,11 @@ def test_where_the_theorem_does_not_reach() -> None:
         assert word in answer.reason
 
 
-def _compare_with_the_reference(count: int, seed: int) -> None:
-    """Force ripple of random loops with all that a mechanism may have."""
+@pytest.mark.parametrize(
+    ("count", "seed"), thinned([(25, 1), *((200, 100 + k) for k in range(10))], 1)
+)
+def test_force_ripple_against_a_60_digit_solution(count: int, seed: int) -> None:
+    """Of random loops with all that a mechanism may have."""
     rng = np.random.default_rng(seed)
     for _ in range(count):
         case = draw(rng)
@@ -229,16 +224,6 @@ def _compare_with_the_reference(count: int, seed: int) -> None:
         noise = 6e-6 / 12**0.5
         force = reference.noise_gain(reference.force_numerator) * noise
         assert float(force_ripple(loop, effects, 6e-6)) == pytest.approx(force, rel=1e-9), case
-
-
-def test_random_loops_against_a_60_digit_solution() -> None:
-    _compare_with_the_reference(25, seed=1)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", range(10))
-def test_random_loops_against_a_60_digit_solution_long(seed: int) -> None:
-    _compare_with_the_reference(200, seed=100 + seed)
 
 
 def test_one_count_commands() -> None:

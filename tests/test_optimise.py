@@ -11,11 +11,12 @@ import pytest
 from flint import arb, ctx
 
 from identification import Device, load_device, quantity
+from tests.devices import device_of, known
 from tests.felt import beyond, felt
 from tests.reference import Case, crossings, loop_along, stable_by_jury
 from tests.simulated.experiment import EFFECTS, EffectName
 from tests.thinned import thinned
-from tests.unlimited import BOUNDLESS, UNLIMITED
+from tests.unlimited import UNLIMITED
 from tune import (
     CheckFailedError,
     Effects,
@@ -317,15 +318,9 @@ def test_devices_inside_the_box_are_stable_with_the_claimed_margins(seed: int) -
     damping = mass / 10 ** rng.uniform(-1, 0.5)
     step = float(rng.choice([5e-4, 1e-3, 2e-3]))
     spread = rng.uniform(0.01, 0.1)
-    device = Device(
-        motion="linear",
-        sample_time=quantity(step),
-        mass=quantity(mass, mass * (1 - spread), mass * (1 + spread)),
-        damping=quantity(damping, damping * (1 - 2 * spread), damping * (1 + 2 * spread)),
-        delay=quantity(int(rng.integers(0, 3)) * step),
-        encoder_resolution=quantity(1e-6),
-        force_limit=BOUNDLESS,
-    )
+    delay = int(rng.integers(0, 3)) * step
+    near = known(mass, spread), known(damping, 2 * spread)
+    device = device_of(*near, step=step, delay=delay, count=1e-6, force=1e8)
     scene = _scene(
         {
             "wall": {"stiffness": "max", "damping": "max"},

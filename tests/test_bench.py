@@ -165,7 +165,7 @@ def test_too_much_negative_damping_drifts_away_and_is_vetoed() -> None:
     assert not found.settles
 
 
-@pytest.mark.parametrize("offset", [0.02, -0.02, 0.5, -0.5])
+@pytest.mark.parametrize("offset", [0.02, -0.5])
 def test_what_is_pushed_settles_as_long_as_any_damping_holds_it(offset: float) -> None:
     """However it gets to its speed; what runs away does not, even if the force limit ends that."""
     law = Controller(damping=np.array([-5.0, -11.0, -30.0]), **FILTERED)

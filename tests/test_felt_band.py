@@ -33,12 +33,16 @@ def _broken(device: str, profile: SafeProfile) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("damping", "ratio", "least"), [(30.0, 1.0, 0.9), (30.0, None, 1.6), (None, None, 1.1)]
+    ("damping", "ratio", "least"), [(10.0, 0.5, 0.9), (30.0, None, 1.6), (None, None, 1.1)]
 )
 def test_a_mass_one_can_use_is_felt_as_one_on_400_frequencies(
     damping: float | None, ratio: float | None, least: float, tmp_path: Path
 ) -> None:
-    """Cut-offs are chosen, and kinds, orders and damping ratio with them where they are free."""
+    """Cut-offs are chosen, and kinds, orders and damping ratio with them where they are free.
+
+    10 N·s/m behind 5 Hz would repay the damping of the mass by its lag at both ends of the motions;
+    at 12 Hz 52 would be felt.
+    """
     element = {"mass": "max", "damping": damping}
     free = {"velocity_filter": "free", "acceleration_filter": "free"}
     loop = free if ratio is None else {"filter_damping_ratio": ratio}
@@ -113,14 +117,3 @@ def test_a_late_spring_takes_no_more_damping_than_there_is() -> None:
     assert it.stiffness > 75
     seen = felt(device, profile.loop, it.stiffness, it.damping, it.mass)
     assert 0 <= 0.27 + seen.damping.min() < 0.01
-
-
-def test_a_damper_does_not_repay_the_damping_of_a_mass_by_its_lag() -> None:
-    """At both ends of the motions 10 N·s/m behind 5 Hz did, and at 12 Hz 52 were felt."""
-    profile = _tuned("homerehab", {"mass": "max", "damping": 10.0}, filter_damping_ratio=0.5)
-    assert _broken("homerehab", profile) == []
-    stated = load_device("homerehab")
-    loop = profile.loop.model_copy(update={"velocity_filter_hz": 5.0})
-    seen = felt(stated, loop, 0.0, 10.0, 1.0)
-    found = beyond(stated, seen, 10.0, 1.0, weber=WEBER, floors=(0.5, 0.05))
-    assert "mass" in found

@@ -30,8 +30,7 @@ def tuned(
     return optimise(load_device("homerehab"), Scene.model_validate(scene)).signed()
 
 
-@pytest.mark.parametrize(("velocity", "acceleration"), [(2, 3), (3, 4)])
-@pytest.mark.parametrize("ratio", [1.0, 0.5])
+@pytest.mark.parametrize(("velocity", "acceleration", "ratio"), [(2, 3, 1.0), (3, 4, 0.5)])
 def test_the_guard_plays_the_observer_to_the_last_digits(
     velocity: int, acceleration: int, ratio: float, tmp_path: Path
 ) -> None:

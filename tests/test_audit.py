@@ -44,6 +44,11 @@ def tuned(elements: dict[str, Any], **more: Any) -> SafeProfile:
     return optimise(load_device("homerehab"), Scene.model_validate({"elements": elements, **more}))
 
 
+def stored(name: str, thing: Device | SafeProfile) -> None:
+    """In the current folder."""
+    Path(name).write_text(to_yaml(to_mapping(thing)), encoding="utf-8")
+
+
 #: Of profiles with walls.
 FIFTY = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": "none"}
 PAPER = ("--stiffness", "1000", "--damping", "10", "--mass", "1")
@@ -259,31 +264,25 @@ def _limits(name: str) -> dict[str, float]:
     return found | {"less damping": -device.damping.value, "less mass": -device.mass.value}
 
 
-def _judged(name: str, gains: dict[str, float], filters: Filters | None = None) -> None:
+@pytest.mark.parametrize(
+    ("name", "gains"),
+    [
+        (name, {effect.removeprefix("less "): share * limit})
+        for name, share in zip(named_devices(), (1.001, 10.0, 1.001, 10.0), strict=True)
+        for effect, limit in _limits(name).items()
+    ],
+)
+def test_every_named_device_is_judged_at_or_beyond_its_limit(
+    name: str, gains: dict[str, float]
+) -> None:
     """An audit has an answer in numbers: safe with a certificate, or the faults."""
-    found = audit(load_device(name), Effects(**gains), filters=filters)
+    found = audit(load_device(name), Effects(**gains))
     assert found.safe == (found.certificate is not None) == (not found.faults)
     assert found.gain >= 0
     assert (found.margins is None) == (found.gain <= 1)
     assert found.ripple is None or math.isfinite(found.ripple)
     if found.nearest is not None:
         assert all(np.isfinite(size) for size in found.nearest.arrays() if size is not None)
-
-
-def _each(shares: list[float]) -> list[tuple[str, dict[str, float]]]:
-    return [
-        (name, {effect.removeprefix("less "): share * limit})
-        for name in named_devices()
-        for effect, limit in _limits(name).items()
-        for share in shares
-    ]
-
-
-@pytest.mark.parametrize(("name", "gains"), _each([1.001, 10.0]))
-def test_every_named_device_is_judged_at_and_beyond_its_limit(
-    name: str, gains: dict[str, float]
-) -> None:
-    _judged(name, gains)
 
 
 @pytest.mark.parametrize(
@@ -351,8 +350,8 @@ def test_friction_is_felt_and_another_device_or_axis_is_named(here: Path) -> Non
         # Steps of 26.7 % above 0.1 N/log(1.267) = 0.4225 N, of 0.1 N below.
         assert felt["coulomb_friction"].steps == pytest.approx(steps, rel=0.02)
     other = _device(coulomb_friction=6.0, axis="y", serial="S-2")
-    for name, each in (("old.yaml", old), ("new.yaml", other)):
-        Path(name).write_text(to_yaml(to_mapping(each)), encoding="utf-8")
+    stored("old.yaml", old)
+    stored("new.yaml", other)
     ended = haptune("compare", "old.yaml", "new.yaml")
     assert "feels different: coulomb friction 0.8 → 6 N (+8.5 steps)" in ended.out
     assert "not called the same: axis x → y" in ended.out
@@ -381,7 +380,7 @@ def test_one_factor_of_all_that_a_force_scales_is_said(
         sure = {
             name: {"value": x, "low": x * 0.999, "high": x * 1.001} for name, x in known.items()
         }
-        Path(file).write_text(to_yaml(to_mapping(_device(**sure))), encoding="utf-8")
+        stored(file, _device(**sure))
     words = f"; one factor of {factors[0]:.4g} explains mass, damping and friction"
     assert (words in haptune("compare", "old.yaml", "new.yaml").out) is told
     details = json.loads(haptune("compare", "old.yaml", "new.yaml", "--json").out)["details"]
@@ -429,15 +428,13 @@ def test_a_profile_at_its_margin_outlives_the_next_log_of_the_same_device(here: 
     feather = Scene.model_validate({"elements": {"feather": {"damping": "min"}}})
     profile = optimise(logged(10.0, 0.01), feather)
     assert profile.elements["feather"].limited_by == {"damping": "gain-margin"}
-    Path("old.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    stored("old.yaml", profile)
     for value, half, at_margin in (
         (9.995, 0.01, True),
         (9.95, 0.01, False),  # changed
         (9.9, 0.2, False),  # loses three hundredths of the margin
     ):
-        found = compare(profile, logged(value, half))
-        assert (found.holds, found.at_margin) == (False, at_margin)
-        Path("new.yaml").write_text(to_yaml(to_mapping(logged(value, half))), encoding="utf-8")
+        stored("new.yaml", logged(value, half))
         ended = haptune("compare", "old.yaml", "new.yaml")
         assert ended.code == (0 if at_margin else 6)
         assert ended.out.startswith("at its margin: " if at_margin else "not proved: ")
@@ -454,8 +451,8 @@ def test_kinds_that_cannot_be_compared_are_refused(profile: SafeProfile) -> None
 def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
     profile: SafeProfile, here: Path
 ) -> None:
-    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
-    Path("worn.yaml").write_text(to_yaml(to_mapping(_device(damping=5.0))), encoding="utf-8")
+    stored("profile.yaml", profile)
+    stored("worn.yaml", _device(damping=5.0))
     ended = haptune("compare", "profile.yaml", "worn.yaml", "--json")
     assert ended.code == 6
     details = ended.result["details"]
@@ -477,11 +474,11 @@ def test_the_command_ends_with_six_where_the_old_profile_no_longer_holds(
 def test_three_verdicts_stand_on_a_page_with_all_years_in_one_picture(
     profile: SafeProfile, here: Path
 ) -> None:
-    Path("profile.yaml").write_text(profile.to_yaml(), encoding="utf-8")
+    stored("profile.yaml", profile)
     years: list[str] = []
     for year, damping in ((2024, 10.0), (2025, 12.0), (2026, 15.0)):
         device = _device(damping=damping).model_copy(update={"date": f"{year}-05-01"})
-        Path(f"{year}.yaml").write_text(to_yaml(to_mapping(device)), encoding="utf-8")
+        stored(f"{year}.yaml", device)
         years.append(f"{year}.yaml")
     ended = haptune(
         *("compare", "profile.yaml", *years, "-o", "page.html", "--picture", "years.svg"),

@@ -4,7 +4,7 @@ import copy
 import functools
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -210,11 +210,14 @@ def _accepted(profile: SafeProfile, *, one_in: int) -> tuple[list[str], int]:
 
 
 @pytest.mark.usefixtures("_proofs_are_kept")
-def test_a_forged_key_is_refused_or_named_as_trusted() -> None:
-    """A few of them; all forgeries of all keys are the long test's."""
-    passed, tried = _accepted(_tuned(), one_in=60)
+@pytest.mark.parametrize(
+    ("full", "one_in", "least"), thinned([(False, 60, 5), (False, 1, 500), (True, 1, 500)], 1)
+)
+def test_a_forged_key_is_refused_or_named_as_trusted(full: bool, one_in: int, least: int) -> None:
+    """A few of them; all forgeries of all keys are the long run's."""
+    passed, tried = _accepted(_tuned(full=full), one_in=one_in)
     assert not passed
-    assert tried > 5
+    assert tried > least
 
 
 @pytest.mark.usefixtures("_proofs_are_kept")
@@ -224,15 +227,6 @@ def test_a_lead_of_what_has_no_spring_limits_nothing() -> None:
     content["elements"]["water"]["limited_by"]["damping"] = "lead"
     with pytest.raises(CheckFailedError, match="damping is said to be limited by lead"):
         check_content({**content, "digest": digest_of(content)}, "profile.yaml")
-
-
-@pytest.mark.long
-@pytest.mark.usefixtures("_proofs_are_kept")
-@pytest.mark.parametrize("full", [False, True])
-def test_every_forgery_of_every_key_is_refused_or_named_as_trusted(full: bool) -> None:
-    passed, tried = _accepted(_tuned(full=full), one_in=1)
-    assert not passed
-    assert tried > 500
 
 
 def _written(content: dict[str, Any], path: Path) -> str:
@@ -320,47 +314,17 @@ def test_a_forgery_that_once_passed_is_told_apart(key: str, value: Any, words: s
         check_content(forged(content, field, value), "profile.yaml")
 
 
-#: The digit in a name is in a key, those of the device are in numbers, text and exponents. The
-#: depth is stated, so that the limit of force binds and is not where the force is cut.
-SPRING: dict[str, Any] = {"elements": {"wall 2": {"stiffness": "max", "penetration": 0.01}}}
-RICH: dict[str, Any] = {
-    "elements": {
-        "wall": {"stiffness": 500.0, "damping": 10.0},
-        "cup": {"mass": 1.0},
-        "dust": {"damping": 0.1},
-    },
-    "together": [["wall", "cup"]],
-    "loop": {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0},
-}
-
-
-@functools.cache
-def _profile(*, rich: bool = False) -> SafeProfile:
-    return optimise(load_device("homerehab"), Scene.model_validate(RICH if rich else SPRING))
-
-
-def _digits_are_guarded(text: str, path: Path, others: Callable[[str], str], every: int) -> int:
-    """Change one digit of so many, in turn, to each of ``others``; count all digits."""
-    places = [at for at, letter in enumerate(text) if letter.isdigit()]
-    assert places
-    for at in places[::every]:
-        for digit in others(text[at]):
-            path.write_text(text[:at] + digit + text[at + 1 :], encoding="utf-8")
-            with pytest.raises(CheckFailedError):
-                load_profile(path)
-    return len(places)
-
-
-@pytest.mark.parametrize("rich", thinned([False, True], 1))
-def test_every_twelfth_digit_changed_once_is_noticed(tmp_path: Path, rich: bool) -> None:
-    chance = np.random.default_rng(5)
-    text = _profile(rich=rich).to_yaml()
-
-    def another(digit: str) -> str:
-        return str((int(digit) + int(chance.integers(1, 10))) % 10)
-
-    guarded = _digits_are_guarded(text, tmp_path / "profile.yaml", another, every=12)
-    assert guarded > (300 if rich else 200)
+def test_a_digit_that_is_changed_once_is_noticed(tmp_path: Path) -> None:
+    """Every 23rd: of names, numbers, text and exponents."""
+    chance, path = np.random.default_rng(5), tmp_path / "profile.yaml"
+    text = _tuned().to_yaml()
+    places = [at for at, letter in enumerate(text) if letter.isdigit()][::23]
+    assert len(places) > 20
+    for at in places:
+        other = (int(text[at]) + int(chance.integers(1, 10))) % 10
+        path.write_text(f"{text[:at]}{other}{text[at + 1 :]}", encoding="utf-8")
+        with pytest.raises(CheckFailedError):
+            load_profile(path)
 
 
 def test_the_digest_tells_devices_apart_by_their_last_digit() -> None:

@@ -194,9 +194,22 @@ def _vibrating(*modes: float) -> Device:
     return Device.model_validate({**dict(_device(**UNLIMITED)), "modes": stated})
 
 
-def _stable_up_to(case: Case, stiffness: float | None, damping: float) -> float:
-    """The first gain of a spring and a damper at which a pole crosses the circle; inf for none."""
-    loop = loop_along(case, stiffness, damping, None)
+def _stable_up_to(
+    *effects: float | None, mass: float, damping: float, late: float, **more: Any
+) -> float:
+    """The first gain of spring and damper at which a pole of a vibrating device leaves the circle.
+
+    Infinity for none.
+    """
+    case = Case(
+        mass=mass,
+        damping=damping,
+        sample_time=1e-3,
+        delay_samples=1.0 + late,
+        velocity_filter_hz=60.0,
+        **more,
+    )
+    loop = loop_along(case, *effects, None)
     first = min((float(each.mid()) for each in crossings(loop)), default=np.inf)
     assert stable_by_jury(loop.at(arb(min(first, 1.0) / 2)))
     return first
@@ -224,16 +237,9 @@ def test_what_vibrates_in_any_hand_keeps_its_margin_throughout_the_box() -> None
             (0.0, water.margins.gain, (0.0, 0.0, 0.0)),
             (water.margins.extra_delay_samples, 1.0, tuple(grip)),
         ):
-            case = Case(
-                mass=m,
-                damping=b,
-                sample_time=1e-3,
-                delay_samples=1.0 + late,
-                velocity_filter_hz=60.0,
-                modes=((f, z, 0.6, 0.5),),
-                hand=held,
-            )
-            first = _stable_up_to(case, None, damping)
+            true = {"mass": m, "damping": b, "late": late}
+            modes = ((f, z, 0.6, 0.5),)
+            first = _stable_up_to(None, damping, **true, modes=modes, hand=held)
             assert first > gain
             nearest = min(nearest, first / gain)
     assert nearest < 1 + 1e-3  # one of the corners is what limits it
@@ -266,15 +272,9 @@ def test_what_is_claimed_holds_where_one_mode_is_slow_and_another_quick(
     nearest = np.inf
     for mass, damping, *modes in product(box.mass[:1], box.damping, *ranges):
         for late, least in ((0.0, gain), (extra, 1.0)):
-            case = Case(
-                mass=mass,
-                damping=damping,
-                sample_time=1e-3,
-                delay_samples=1.0 + late,
-                velocity_filter_hz=60.0,
-                modes=tuple((f, z, 0.6, 0.5) for f, z in zip(modes[::2], modes[1::2], strict=True)),
-            )
-            first = _stable_up_to(case, K or None, B)
+            both = tuple((f, z, 0.6, 0.5) for f, z in zip(modes[::2], modes[1::2], strict=True))
+            true = {"mass": mass, "damping": damping, "late": late}
+            first = _stable_up_to(K or None, B, **true, modes=both)
             assert first > least
             if not late:
                 nearest = min(nearest, first / gain)

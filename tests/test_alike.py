@@ -12,7 +12,7 @@ from tune.documents.profile import SafeProfile
 from tune.documents.scene import Scene
 
 WALL = {"stiffness": "max", "damping": "max", "one_sided": True}
-WATER, RUBBER = {"damping": 10.0}, {"stiffness": {"min": 100, "max": 1400}}
+WATER, RUBBER = {"damping": 10.0}, {"stiffness": 800.0}
 FIXED = {"velocity_filter_hz": 50.0, "acceleration_filter_hz": 30.0}
 
 

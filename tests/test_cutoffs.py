@@ -200,10 +200,8 @@ TRACKING: dict[str, float | str] = {
 
 def test_a_mass_is_found_where_few_cut_offs_suit() -> None:
     """Alone it may be 1.1 kg from 39 to 40 Hz."""
-    for beside, least in (({}, 1.1), ({"stiffness": 500.0}, 1.0)):
-        scene = {"elements": {"cup": {"mass": "max", **beside}}, "loop": TRACKING}
-        cup = optimise(load_device("homerehab"), Scene.model_validate(scene)).elements["cup"]
-        assert cup.mass >= least
+    scene = Scene.model_validate({"elements": {"cup": {"mass": "max"}}, "loop": TRACKING})
+    assert optimise(load_device("homerehab"), scene).elements["cup"].mass >= 1.1
 
 
 def _as_wanted(names: tuple[str, ...], **loop: float | str) -> SafeProfile:

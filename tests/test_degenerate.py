@@ -39,9 +39,6 @@ def _refused(ended: Ended, code: int, *words: str) -> None:
     assert not Path("profile.yaml").exists()
 
 
-# The damping of the device may be nothing at all.
-
-
 @pytest.mark.parametrize("low", [-2.0, 0.0])
 def test_a_spring_on_a_device_that_may_have_no_damping_is_refused(low: float) -> None:
     ended = _tuned(_device(damping=quantity(5.0, low, 12.0)), WALL)
@@ -51,9 +48,6 @@ def test_a_spring_on_a_device_that_may_have_no_damping_is_refused(low: float) ->
 def test_a_damper_of_its_own_does_not_help_where_damping_may_be_negative() -> None:
     ended = _tuned(_device(damping=quantity(5.0, -2.0, 12.0)), BLOCK)
     _refused(ended, 5, "not positive", "add damping")
-
-
-# The modes of a loop may be all but one.
 
 
 @pytest.mark.usefixtures("unrehearsed")
@@ -68,9 +62,6 @@ def test_modes_of_a_fast_observer_leave_the_jitter_that_check_computes_too() -> 
     assert haptune("check", "profile.yaml").code == 0
 
 
-# The device is known exactly.
-
-
 @pytest.mark.usefixtures("unrehearsed")
 def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
     device = _device(mass=quantity(3.0), damping=quantity(10.0), delay=quantity(0.0))
@@ -80,9 +71,6 @@ def test_a_device_without_any_interval_is_certified_as_it_is() -> None:
     assert certificate.mass == (3.0, 3.0)
     assert certificate.delay_samples == (0.0, 0.0)
     assert haptune("check", "profile.yaml").code == 0
-
-
-# It hardly damps.
 
 
 def test_the_ripple_of_a_spring_on_a_device_that_hardly_damps_is_found_anew() -> None:
@@ -114,16 +102,10 @@ def test_the_jitter_borne_by_poles_that_are_all_one_is_found_anew() -> None:
     assert haptune("check", "profile.yaml").code == 0
 
 
-# Nothing can be played.
-
-
 def test_no_effect_that_a_hand_could_tell() -> None:
     device = _device(encoder_resolution=quantity(1e-3))
     ended = _tuned(device, "elements: {cup: {mass: max}}\n" + FILTERS)
     _refused(ended, 5, "cup.mass", "of a step a hand can tell", "limited by ripple")
-
-
-# Wishes that contradict each other or the device.
 
 
 @pytest.mark.usefixtures("unrehearsed")
@@ -138,9 +120,6 @@ def test_of_ranges_that_are_each_possible_but_not_at_once_one_is_left() -> None:
     assert "range starts at 1000, which no setting" in " ".join(ended.err.split())
     played = load_profile("profile.yaml").elements
     assert (played["wall"].stiffness >= 1000, played["floor"].stiffness) == (True, 0.0)
-
-
-# The log is no log.
 
 
 FloatArray = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from identification import Device, load_device
+from identification import Device, load_device, to_mapping, to_yaml
 from tests.commands import haptune
 from tests.devices import device_of, known
 from tune import NoFeasibleEffectError, SafeProfile, Scene, load_scene, optimise
@@ -354,20 +354,6 @@ def test_what_is_left_out_for_its_fade_holds_nothing_else_down_and_is_told_what_
     assert less.damping == float(told[1]) < -1.5
 
 
-#: Of a device that holds 14 N, with a scene in which rubber takes most of that.
-DEVICE_OF_14_N = """\
-schema: haptune/device/1
-name: bench
-axis: x
-motion: linear
-sample_time: 0.001
-mass: {value: 2.0, low: 1.8, high: 2.2}
-damping: {value: 8.0, low: 6.0, high: 10.0}
-coulomb_friction: {value: 0.5, low: 0.4, high: 0.6}
-delay: 0.001
-encoder_resolution: 6.0e-06
-force_limit: {continuous: 14.0, peak: 14.0}
-"""
 WALL_BESIDE_RUBBER = """\
 schema: haptune/scene/1
 name: shared
@@ -382,7 +368,9 @@ elements:
 @pytest.mark.usefixtures("here", "unrehearsed")
 def test_a_wall_that_is_pushed_through_is_told_with_what_takes_its_force() -> None:
     """Of 14 N rubber takes K·10 mm and half of the rest; each remedy gives the wall a third."""
-    Path("device.yaml").write_text(DEVICE_OF_14_N, encoding="utf-8")
+    drive: dict[str, Any] = {"count": 6e-6, "force": 14.0, "peak": 14.0, "friction": 0.5}
+    device = device_of(known(2.0, 0.1), known(8.0, 0.25), step=1e-3, delay=1e-3, **drive)
+    Path("device.yaml").write_text(to_yaml(to_mapping(device)), encoding="utf-8")
     scene = Path("scene.yaml")
     for text, level, weak in (
         (WALL_BESIDE_RUBBER, 2.0, True),

@@ -43,6 +43,8 @@ Complex = NDArray[np.complex128]
 Sizes = tuple[float, float, float]
 #: K, B, constant of its multiplier, its taps.
 Channels = Sequence[tuple[float, float, float, Sequence[tuple[int, float]]]]
+#: The name of one, constant of its multiplier, its taps.
+Channel = tuple[str, float, Sequence[tuple[int, float]]]
 
 
 def element(stiffness: float = 0.0, damping: float = 0.0, mass: float = 0.0, **more: Any) -> Any:
@@ -583,9 +585,7 @@ def reach_of(channels: Channels, **beside: float) -> float:
     return low
 
 
-def proof(
-    *channels: tuple[str, float, Sequence[tuple[int, float]]], **more: Any
-) -> AbsoluteStability:
+def proof(*channels: Channel, **more: Any) -> AbsoluteStability:
     """What a profile states of a combination, for devices that are free if nothing else is said."""
     multiplier = {
         "channels": [
@@ -640,9 +640,7 @@ def walls_of_one_signal() -> Edge:
     )
 
 
-def beside_a_wall(
-    name: str, K: float, B: float, channel: tuple[str, float, Sequence[tuple[int, float]]]
-) -> Edge:
+def beside_a_wall(name: str, K: float, B: float, channel: Channel) -> Edge:
     """An element whose channel, constant and taps are these, as much larger as the wall."""
     reach = reach_of([(*WALL, 0.0, THREE), (K, B, *channel[1:])])
     assert reach < 0.8 * reach_of([(*WALL, 0.0, THREE)])

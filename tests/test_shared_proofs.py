@@ -19,6 +19,7 @@ from tests.test_edges import (
     SPRING,
     THREE,
     WALL,
+    Channel,
     Sizes,
     design,
     element,
@@ -76,14 +77,11 @@ def test_more_elements_than_are_looked_at_in_one_run_may_all_be_covered_by_one()
 
 
 #: What stands beside a wall: its size for a factor of one, and the channel of a multiplier.
-BESIDE: dict[str, tuple[Sizes, tuple[str, float, Sequence[tuple[int, float]]] | None]] = {
+BESIDE: dict[str, tuple[Sizes, Channel | None]] = {
     "damper": ((0.0, 30.0, 0.0), ("damping", 8e-4, ())),
     "spring": ((500.0, 0.0, 0.0), ("", 0.0, LONG)),
     "mass": ((0.0, 0.0, 2.0), None),
 }
-
-
-Channel = tuple[str, float, Sequence[tuple[int, float]]]
 
 
 @cache

@@ -195,7 +195,7 @@ def _vibrating(*modes: float) -> Device:
 
 
 def _stable_up_to(
-    *effects: float | None, mass: float, damping: float, late: float, **more: Any
+    stiffness: float | None, added: float, *, mass: float, damping: float, late: float, **more: Any
 ) -> float:
     """The first gain of spring and damper at which a pole of a vibrating device leaves the circle.
 
@@ -209,7 +209,7 @@ def _stable_up_to(
         velocity_filter_hz=60.0,
         **more,
     )
-    loop = loop_along(case, *effects, None)
+    loop = loop_along(case, stiffness, added, None)
     first = min((float(each.mid()) for each in crossings(loop)), default=np.inf)
     assert stable_by_jury(loop.at(arb(min(first, 1.0) / 2)))
     return first

@@ -582,7 +582,7 @@ def test_millimetres_are_named_with_and_without_a_known_encoder(known: bool) -> 
 )
 def test_every_filter_of_a_profile_is_recognised(loop: dict[str, Any]) -> None:
     profile = AXIS.profile.model_copy(update={"loop": AXIS.profile.loop.model_copy(update=loop)})
-    run = {name: np.inf if value is None else value for name, value in loop.items()}
+    run: dict[str, Any] = {name: np.inf if value is None else value for name, value in loop.items()}
     seen = verify(profile, AXIS.log("cup", 0.8, samples=1200, **run))
     assert verdicts(seen)["law"] == "agrees"
     assert seen.gain == pytest.approx(0.8, rel=1e-6)

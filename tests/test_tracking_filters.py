@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from identification import load_device
 from tests.felt import Observer
 from tests.guard import InPython, built, enter, push
-from tests.test_verify import Bench, verdicts
+from tests.test_verify import AXIS, Bench, verdicts
 from tune import SafeProfile, Scene, check, export, optimise, verify
 from tune.documents.profile import LoopProfile
 from tune.documents.scene import LoopFreedom
@@ -68,11 +68,7 @@ def test_verify_knows_the_tracking_law_by_a_simulation_of_the_observer() -> None
         "filter_damping_ratio": 0.5,
     }
     bench = Bench(
-        mass=3.0,
-        damping=10.0,
-        coulomb_friction=0.8,
-        encoder_resolution=6e-6,
-        force_limit=28.0,
+        **AXIS.truth,
         start=0.02,
         elements={"cup": (1000.0, 10.0, 0.5)},
         velocity_filter_hz=50.0,

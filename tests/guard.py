@@ -42,12 +42,6 @@ _DOOR = """\
 
 static haptune_guard guard;
 
-void door_init(void);
-int door_reset(uint64_t elements, double rest, int side);
-double door_force(
-    uint64_t elements, uint32_t period, double position, double gain, uint32_t *counts);
-double door_level(unsigned index);
-
 void door_init(void)
 {
     haptune_init(&guard);
@@ -80,12 +74,6 @@ _DOOR_OF_AXES = """\
 #include "haptune_guard.h"
 
 static haptune_axes device;
-
-void door_init(void);
-int door_enter(uint64_t elements);
-int door_place(unsigned face, uint64_t element, const double *normal, double offset);
-int door_force(uint64_t elements, uint32_t faces, uint32_t period, const double *position,
-    double gain, double *force, uint32_t *counts);
 
 void door_init(void)
 {
@@ -126,33 +114,26 @@ class Reply:
     glitches: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Enter:
     """haptune_reset."""
 
     elements: int
-    rest: float
-    side: int
+    rest: float = 0.0
+    side: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Push:
     """haptune_force."""
 
     elements: int
     period: int
     position: float
-    gain: float
+    gain: float = 1.0
 
 
-def enter(elements: int, rest: float = 0.0, side: int = 0) -> Enter:
-    """haptune_reset."""
-    return Enter(elements=elements, rest=rest, side=side)
-
-
-def push(elements: int, period: int, position: float, gain: float = 1.0) -> Push:
-    """haptune_force."""
-    return Push(elements=elements, period=period, position=position, gain=gain)
+enter, push = Enter, Push
 
 
 class Guard:

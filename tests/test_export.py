@@ -52,6 +52,7 @@ def test_hostile_names_are_harmless_everywhere(tmp_path: Path, names: tuple[str,
     texts = {name: text for target in TARGETS for name, text in export(profile, target).items()}
     write(texts, tmp_path)
     assert compiles(tmp_path) == ""
+    assert compiles(tmp_path, "-x", "c++", standard="c++11") == ""
     assert all(text.isascii() for text in texts.values())
     stated = json.loads(texts["haptune_profile.json"])
     assert list(stated["elements"]) == list(names)

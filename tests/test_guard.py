@@ -9,17 +9,12 @@ from scipy.signal import lfilter
 from datasets_synthetic import Calls, Controller, VirtualElement
 from datasets_synthetic.law import ControlLaw
 from tests.entered_scenes import made
-from tests.exported import FADE, LOOPS, STEP, Array, changed, poles, tuned
-from tests.guard import Guard, built, compiles, enter, push, write
+from tests.exported import FADE, LOOPS, STEP, Array, changed, poles
+from tests.guard import built, enter, push
 from tests.unlimited import BOUNDLESS
 from tune import SafeProfile, export
 
-WALL, CUP, RUBBER = 1, 2, 4
-
-
-@pytest.fixture(scope="module")
-def guard(tmp_path_factory: pytest.TempPathFactory) -> Guard:
-    return built(export(tuned(), "c"), tmp_path_factory.mktemp("guard"))
+WALL, CUP = 1, 2
 
 
 def movement(samples: int = 400) -> Array:
@@ -160,13 +155,3 @@ def test_springs_are_cut_at_their_levels_and_the_sum_at_the_peak(tmp_path: Path)
             assert {reply.status for reply in replies} == {"OK"}
             assert [reply.clamped for reply in (replies[100], replies[-1])] == [False, True]
             assert side * replies[-1].force == -most
-
-
-def test_files_of_two_profiles_and_fast_math_do_not_compile(tmp_path: Path) -> None:
-    write(export(tuned(), "c"), tmp_path)
-    assert compiles(tmp_path) == ""
-    assert compiles(tmp_path, "-x", "c++", standard="c++11") == ""
-    assert "-ffast-math" in compiles(tmp_path, "-ffast-math")
-    other = export(tuned().model_copy(update={"notes": ("another",)}).signed(), "c")
-    write({"haptune_guard.h": other["haptune_guard.h"]}, tmp_path)
-    assert "another profile" in compiles(tmp_path)

@@ -10,8 +10,7 @@ import pytest
 from identification import load_device
 from tests.entered import Run, played
 from tests.entered_scenes import made
-from tests.guard import Guard, built, enter, push
-from tests.thinned import thinned
+from tests.guard import Guard, built
 from tune import SafeProfile, Scene, optimise
 from tune.exporters import export
 from tune.exporters.law import largest_change
@@ -25,33 +24,16 @@ SCENES: dict[str, dict[str, tuple[float, float, float]]] = {
         "rubber": (1400.0, 0.0, 0.0),
         "feather": (0.0, 0.0, -1.2),
     },
-    "stylus": {
-        "wall": (1000.0, 4.5, 0.0),
-        "thing": (26.0, 0.37, 0.11),
-        "free": (0.0, -0.058, 0.0),
-        "feather": (0.0, 0.0, -0.0236),
-    },
     "knob": {
         "wall": (1.3, 5.5e-3, 0.0),
         "thing": (0.124, 8.8e-4, 1.4e-4),
         "free": (0.0, -1.4e-4, 0.0),
         "feather": (0.0, 0.0, -3.1e-5),
     },
-    "emps": {
-        "wall": (1e6, 4500.0, 0.0),
-        "thing": (4470.0, 320.0, 121.0),
-        "free": (0.0, -91.0, 0.0),
-        "feather": (0.0, 0.0, -46.0),
-    },
 }
 ELEMENTS = [(device, name) for device, scene in SCENES.items() for name in scene]
 #: Periods before an element is reached.
 BEFORE = 60
-
-
-def scene_on(name: str) -> SafeProfile:
-    """A profile with the elements of one device; what is played depends on no certificate."""
-    return made(name, SCENES[name])
 
 
 def depth_of(profile: SafeProfile, name: str) -> float:
@@ -122,8 +104,8 @@ class Played:
 @pytest.fixture(scope="module")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Played]:
     found: dict[str, Played] = {}
-    for name in SCENES:
-        profile = scene_on(name)
+    for name, scene in SCENES.items():
+        profile = made(name, scene)  # what is played depends on no certificate
         guard = built(export(profile, "c"), tmp_path_factory.mktemp(name))
         found[name] = Played(profile=profile, guard=guard)
     return found
@@ -137,7 +119,7 @@ def test_an_element_is_entered_without_a_blow(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("device", SCENES)
+@pytest.mark.parametrize("device", ["homerehab", "stylus", "knob", "emps"])
 def test_what_is_tuned_is_entered_without_a_blow(device: str, tmp_path: Path) -> None:
     """As large as each can be had, free cut-offs, a spring with a mass and none to damp it too."""
     hardware = load_device(device)
@@ -204,49 +186,14 @@ def left_slower(scene: Played, name: str) -> None:
 
 
 @pytest.mark.parametrize("device", SCENES)
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_wall_never_pulls(scenes: dict[str, Played], device: str, side: int) -> None:
-    """Met at the stated speed and pulled out by a hand, from either side."""
-    scene = scenes[device]
-    limit = scene.profile.device.force_limit
-    assert limit is not None
-    wall, speed = scene.bit("wall"), scene.profile.elements["wall"].motion.speed
-    for pull in (0.0, 0.3 * limit.continuous):
-        run = played(
-            scene.guard,
-            scene.profile,
-            lambda _, __: wall,
-            place=side * 2e-3 * speed,
-            speed=-side * speed,
-            periods=300,
-            faces={wall: (0.0, side)},
-            push_of_hand=side * pull,
-        )
-        pushes = side * run.force
-        assert pushes.min() == 0
-        assert pushes.max() > 0.2 * limit.continuous
-        if pull:
-            assert side * run.speed[-1] > 0  # it has left
-            assert not np.any(run.force[-50:])
-
-
-def test_a_wall_needs_a_side(scenes: dict[str, Played]) -> None:
-    scene = scenes["homerehab"]
-    wall = scene.bit("wall")
-    replies = scene.guard.run([enter(wall), push(wall, 0, -0.001)])
-    assert [reply.status for reply in replies] == ["NO_SIDE", "NOT_ENTERED"]
-
-
-@pytest.mark.parametrize("device", SCENES)
 def test_one_wrong_reading_never_makes_more_force_than_the_stated_sum(
     scenes: dict[str, Played], device: str
 ) -> None:
-    """0.6 mm at any time on HomeRehab, elsewhere half as much again as the device can move."""
+    """At any time, and half as much again as the device can move."""
     scene = scenes[device]
-    jump = 6e-4 if device == "homerehab" else 1.5 * largest_change(scene.profile)
-    assert jump > 1.2 * largest_change(scene.profile)
+    jump = 1.5 * largest_change(scene.profile)
     for name in scene.profile.elements:
-        for at in (BEFORE - 1, BEFORE, BEFORE + 1, BEFORE + 7, BEFORE + 150):
+        for at in (BEFORE - 1, BEFORE, BEFORE + 1, BEFORE + 150):
             for size in (jump, -jump):
                 run = scene.entry(name, {at: size})
                 assert run.statuses[at] == "GLITCH"
@@ -257,7 +204,7 @@ def test_one_wrong_reading_never_makes_more_force_than_the_stated_sum(
 
 
 @pytest.mark.parametrize("in_a_row", [True, False])
-@pytest.mark.parametrize("device", thinned(SCENES, 2))
+@pytest.mark.parametrize("device", SCENES)
 def test_a_tenth_of_the_periods_missed_leaves_every_element_quiet(
     scenes: dict[str, Played], device: str, in_a_row: bool
 ) -> None:

@@ -44,8 +44,7 @@ def fastest(run: Run) -> float:
     return float(np.abs(run.speed).max())
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.41, 1.5])
-@pytest.mark.parametrize("left_at_once", [True, False])
+@pytest.mark.parametrize(("speed", "left_at_once"), [(0.41, True), (1.5, False)])
 def test_a_free_device_between_walls_with_ice_ends_no_faster_than_it_began(
     tmp_path: Path, speed: float, left_at_once: bool
 ) -> None:
@@ -68,16 +67,13 @@ def test_a_free_device_between_walls_with_ice_ends_no_faster_than_it_began(
     assert np.abs(run.speed[-1000:]).max() < 2e-3 * speed
 
 
-@pytest.mark.parametrize(("period", "on"), thinned([(160, 0.7), (200, 0.5), (290, 0.3)], 3))
-def test_a_spring_switched_twice_a_swing_never_grows(
-    tmp_path: Path, period: int, on: float
-) -> None:
+def test_a_spring_switched_twice_a_swing_never_grows(tmp_path: Path) -> None:
     """Rubber of which a swing lasts 0.29 s; resting at 0 it would go from 0.13 to over 2 m/s."""
     profile = made("homerehab", {"rubber": (1400.0, 0.0, 0.0)}, speed=SPEED)
     run = played(
         built(export(profile, "c"), tmp_path),
         profile,
-        lambda k, _: int(k % period < on * period),
+        lambda k, _: int(k % 160 < 112),
         place=0.0,
         speed=0.13,
         periods=5000,
@@ -89,12 +85,9 @@ def test_a_spring_switched_twice_a_swing_never_grows(
     assert np.abs(run.speed[-1000:]).max() < 1e-3
 
 
-@pytest.mark.parametrize("speed", [0.1, 0.2, 0.5])
-def test_a_gain_that_falls_going_in_and_rises_coming_out_never_pumps(
-    tmp_path: Path, speed: float
-) -> None:
+def test_a_gain_that_falls_going_in_and_rises_coming_out_never_pumps(tmp_path: Path) -> None:
     """Of a wall; a gain that rose inside would make 1.34 m/s of 0.2."""
-    profile = made("homerehab", {"wall": STIFF}, speed=SPEED)
+    profile, speed = made("homerehab", {"wall": STIFF}, speed=SPEED), 0.2
     before = -0.02
 
     def gain(_: int, reading: float) -> float:
@@ -118,7 +111,7 @@ def test_a_gain_that_falls_going_in_and_rises_coming_out_never_pumps(
     assert run.force.max() <= 0
 
 
-@pytest.mark.parametrize("seed", thinned(range(100), 6))
+@pytest.mark.parametrize("seed", thinned(range(100), 3))
 def test_whatever_is_called_a_free_device_comes_to_rest_no_faster(
     tmp_path: Path, seed: int
 ) -> None:

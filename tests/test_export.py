@@ -307,6 +307,8 @@ def _forged(where: str, value: Any) -> str:
         (2, "--to", "profile.yaml"),
         (2, "PROFILE", "--to c"),
         (2, "one of the inputs", "haptune_profile.json --to json"),
+        (2, "is no name of a node", "profile.yaml --to ros2 --node 9x"),
+        (2, "names a node of ROS 2", "profile.yaml --to c --node haptune"),
         (3, "No such file", "missing.yaml --to c"),
         (3, "is not valid YAML", "torn.yaml --to c"),
         (7, "there is no folder", "profile.yaml --to c -o absent/deeper"),

@@ -1,10 +1,8 @@
 """The players: a planned force played on a simulated device is a log that tells its mass."""
 
 import ctypes
-import importlib.util
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,11 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from datasets_synthetic import Rig, named_rig
 from identification import load_device
 from tests.commands import haptune
 from tests.exact_axis import Axis, Step, advance, counted
-from tests.guard import FLAGS
+from tests.guard import FLAGS, compiler, module_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,42 +35,34 @@ class Fault:
 
 
 class SteppedDevice:
-    """One rigid device; its clock stands still but for ``wait_until``."""
+    """Rigid axes, of which the last may fail; their clock stands still but for ``wait_until``."""
 
-    def __init__(self, rig: Rig, fault: Fault | None = None) -> None:
-        self._rig, self._fault = rig, fault or Fault()
-        self._axis = Axis(
-            mass=rig.mass,
-            damping=rig.damping,
-            coulomb=rig.coulomb_friction,
-            offset=rig.force_offset,
-        )
-        late = float(rig.delay[0] / rig.sample_time[0])
-        self._whole, self._part = int(late + 1e-9), max(late - int(late + 1e-9), 0.0)
-        self._place, self._speed, self._sent = np.zeros(1), np.zeros(1), [0.0]
-        self._failed = 0
-        self._due = 0
-        #: Samples gone by, force written last, and every position that was read.
-        self.sample, self.force = 0, 0.0
+    def __init__(self, fault: Fault = Fault(), axes: int = 1) -> None:
+        self._fault = fault
+        self._place, self._speed, self._failed, self._due = np.zeros(axes), np.zeros(axes), 0, 0
+        #: What acts still, a sample late; it has friction of 0.8 N.
+        self._sent = np.zeros(axes)
+        #: Samples gone by, forces written last, and every reading of the last axis.
+        self.sample, self.forces = 0, [0.0] * axes
         self.readings: list[float] = []
 
     def read_positions(self) -> list[float]:
-        """The encoder's reading, m (rad)."""
+        """The encoders' readings, m."""
         if self._due >= self._fault.read_fails_from:
             raise OSError("the encoder is gone")
+        readings = counted(self._place, 6e-6).tolist()
         if self._due >= self._fault.nan_from:
-            return [float("nan")]
-        (reading,) = counted(self._place, self._rig.encoder_resolution)
-        self.readings.append(float(reading))
-        return [float(reading)]
+            return [*readings[:-1], float("nan")]
+        self.readings.append(readings[-1])
+        return readings
 
     def write_forces(self, forces: list[float]) -> None:
-        """The force from now on, N (N·m)."""
+        """The forces from now on, N."""
         fails = self._failed < self._fault.write_fails_times
         if self._due >= self._fault.write_fails_from and fails:
             self._failed += 1
             raise OSError("the amplifier is gone")
-        (self.force,) = forces
+        self.forces = forces
 
     def stop_pressed(self) -> bool:
         """Whether the emergency stop is pressed."""
@@ -81,78 +70,32 @@ class SteppedDevice:
 
     def wait_until(self, due: float) -> float:
         """Let the device move up to a time, s; returns the time it is."""
-        step = float(self._rig.sample_time[0])
-        self._due = round(due / step)
+        self._due = round(due / STEP)
         late = self._fault.late if self._due == self._fault.late_at else 0.0
-        for sample in range(self.sample, round((due + late) / step)):
-            self._sent.append(self.force)
-            for samples, share in ((self._whole + 1, self._part), (self._whole, 1 - self._part)):
-                if share > 1e-9:
-                    self._move(self._sent[max(sample + 1 - samples, 0)], share * step)
-            self.sample = sample + 1
-        return self.sample * step
-
-    def _move(self, force: float, span: float) -> None:
-        pull = np.full(1, force) - self._axis.offset
-        step = Step.of(self._axis, np.full(1, span))
-        travel, self._speed = advance(self._axis, self._speed, pull, step)
-        self._place = self._place + travel
+        axis = Axis(coulomb=0.8)
+        step = Step.of(axis, np.full(self._place.shape, STEP))
+        for _ in range(self.sample, round((due + late) / STEP)):
+            travel, self._speed = advance(axis, self._speed, self._sent, step)
+            self._place = self._place + travel
+            self._sent = np.array(self.forces)
+            self.sample += 1
+        return self.sample * STEP
 
 
-class TwoAxes:
-    """Two devices beside each other, each an axis; the second may do what the first does not."""
-
-    def __init__(self, rig: Rig, fault: Fault) -> None:
-        self._axes = SteppedDevice(rig), SteppedDevice(rig, fault)
-
-    @property
-    def force(self) -> float:
-        """The larger of both forces, N."""
-        return max((each.force for each in self._axes), key=abs)
-
-    def read_positions(self) -> list[float]:
-        """Of both axes, m."""
-        return [place for each in self._axes for place in each.read_positions()]
-
-    def write_forces(self, forces: list[float]) -> None:
-        """To both axes, N."""
-        for each, force in zip(self._axes, forces, strict=True):
-            each.write_forces([force])
-
-    def stop_pressed(self) -> bool:
-        """Whether the stop of either is pressed."""
-        return any(each.stop_pressed() for each in self._axes)
-
-    def wait_until(self, due: float) -> float:
-        """Let both move up to a time, s."""
-        return max(each.wait_until(due) for each in self._axes)
-
-
+STEP = 1e-3
 #: Plan and limits in, log text and how it ended out.
-Play = Callable[[SteppedDevice | TwoAxes, Path, dict[str, float]], tuple[str, str]]
-
-
-def python_player(source: Path) -> Any:
-    """The Python player as a module."""
-    spec = importlib.util.spec_from_file_location("written_player", source)
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["written_player"] = module  # dataclasses look themselves up
-    spec.loader.exec_module(module)
-    return module
+Play = Callable[[SteppedDevice, Path, dict[str, float]], tuple[str, str]]
 
 
 def play_in_python(source: Path) -> Play:
     """Plays through the Python player."""
-    module = python_player(source)
+    with pytest.MonkeyPatch.context() as patch:
+        module = module_of(source.parent, source.stem, patch)
 
-    def play(
-        device: SteppedDevice | TwoAxes, plan: Path, limits: dict[str, float]
-    ) -> tuple[str, str]:
+    def play(device: SteppedDevice, plan: Path, limits: dict[str, float]) -> tuple[str, str]:
         bounds = module.Limits(**limits)
         played = module.play(device, module.load_plan(plan, bounds), bounds, clock=device)
-        assert played.switched_off == (device.force == 0.0)
+        assert played.switched_off == (not any(device.forces))
         end = played.end or "played to the end"
         return played.text(), end if played.switched_off else "ZERO FORCE COULD NOT BE WRITTEN"
 
@@ -169,11 +112,6 @@ _Wait = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
 _BRIDGE = """
 #define PLAYER_WITHOUT_MAIN
 #include "player.c"
-
-const char *play_file(const char *plan_name, const char *log_name, double force, double travel,
-    double speed, double ramp, int (*read_positions)(void *, int, double *),
-    int (*write_forces)(void *, int, const double *), int (*stop_pressed)(void *),
-    double (*wait_until)(void *, double));
 
 const char *play_file(const char *plan_name, const char *log_name, double force, double travel,
     double speed, double ramp, int (*read_positions)(void *, int, double *),
@@ -201,29 +139,18 @@ const char *play_file(const char *plan_name, const char *log_name, double force,
 """
 
 
-def compiler() -> str:
-    """The C compiler of the system; without one the test is skipped."""
-    found = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if found is None:
-        pytest.skip("no C compiler")
-    return found
-
-
 def play_in_c(source: Path) -> Play:
     """Plays through the C player, compiled as a library with every warning an error."""
     folder = source.parent
     (folder / "bridge.c").write_text(_BRIDGE, encoding="utf-8")
-    library = folder / "bridge.so"
-    command = [compiler(), *FLAGS, "-shared", "-fPIC", "-o", str(library), "bridge.c", "-lm"]
-    subprocess.run(command, cwd=folder, check=True)
-    function = ctypes.CDLL(str(library)).play_file
+    shared = ["-shared", "-fPIC", "-o", "bridge.so", "bridge.c", "-lm"]
+    subprocess.run([compiler("cc", "gcc"), *FLAGS, *shared], cwd=folder, check=True)
+    function = ctypes.CDLL(str(folder / "bridge.so")).play_file
     function.restype = ctypes.c_char_p
     function.argtypes = [ctypes.c_char_p] * 2 + [ctypes.c_double] * 4
     function.argtypes += [_Read, _Write, _Pressed, _Wait]
 
-    def play(
-        device: SteppedDevice | TwoAxes, plan: Path, limits: dict[str, float]
-    ) -> tuple[str, str]:
+    def play(device: SteppedDevice, plan: Path, limits: dict[str, float]) -> tuple[str, str]:
         def read(context: object, axes: int, places: Any) -> int:
             try:
                 for axis, place in enumerate(device.read_positions()):
@@ -257,11 +184,9 @@ def play_in_c(source: Path) -> Play:
     return play
 
 
-STEP = 1e-3
 #: Forces of a push and a pull that fade in and out, N: 0.08 m and 0.4 m/s on a device of 3 kg.
 _TURN = np.linspace(0, np.pi, 601)
 PUSH = np.round(8.0 * np.sin(2 * _TURN) * np.sin(_TURN) ** 2, 9)
-#: Short, and of a device that is known: it takes a second to plan.
 SPEC = """\
 motion: linear
 sample_time: 0.001
@@ -309,11 +234,10 @@ def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
     Path("excitation.yaml").write_text(SPEC, encoding="utf-8")
     assert haptune("excite", "excitation.yaml", "-o", "force.csv").code == 0
     assert haptune("new", "hardware", "--device", "homerehab").code == 0
-    rig = named_rig("homerehab")
     limits = {"force": 14.0, "travel": 0.1, "speed": 2.0}
     logs: list[np.ndarray] = []
     for language in LANGUAGES:
-        log, end = players[language](SteppedDevice(rig), Path("force.csv"), limits)
+        log, end = players[language](SteppedDevice(), Path("force.csv"), limits)
         assert end == "played to the end"
         logs.append(rows_of(log))
         Path(f"{language}.csv").write_text(log, encoding="utf-8")
@@ -323,8 +247,8 @@ def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
     ended = haptune("identify", "c.csv", "--hardware", "hardware.yaml")
     assert ended.code == 0, ended.err
     device = load_device("device.yaml")
-    assert device.mass.low <= float(rig.mass[0]) <= device.mass.high
-    assert device.damping.low <= float(rig.damping[0]) <= device.damping.high
+    assert device.mass.low <= 3.0 <= device.mass.high
+    assert device.damping.low <= 10.0 <= device.damping.high
 
 
 #: Limits, what goes wrong, how it ends, and the first sample without force.
@@ -350,10 +274,10 @@ def test_whatever_stops_it_the_force_is_zero_and_the_log_is_kept(
     players: dict[str, Play], tmp_path: Path, case: str, language: str
 ) -> None:
     limits, fault, words, sample = STOPS[case]
-    device = SteppedDevice(named_rig("homerehab"), fault)
+    device = SteppedDevice(fault)
     log, end = players[language](device, plan_file(tmp_path, PUSH), limits)
     assert re.search(words, end)
-    assert device.force == 0.0
+    assert device.forces == [0.0]
     rows = rows_of(log)
     seen = sample or len(rows) - 1
     assert 50 < seen <= len(rows) <= seen + 1
@@ -389,12 +313,12 @@ def test_a_force_of_each_axis_is_played_and_either_axis_stops_both(
     words: str,
     rows: int | None,
 ) -> None:
-    device, plan = TwoAxes(named_rig("homerehab"), fault), tmp_path / "force.csv"
+    device, plan = SteppedDevice(fault, 2), tmp_path / "force.csv"
     lines = [f"{k * STEP:.9g},{0.01 * force:.9g},{force:.9g}" for k, force in enumerate(PUSH)]
     plan.write_text("\n".join(["time,force_x,force_y", *lines]) + "\n", encoding="utf-8")
     log, end = players[language](device, plan, limits)
     assert words in end
-    assert device.force == 0
+    assert device.forces == [0.0, 0.0]
     header, *kept = log.splitlines()
     assert header == "time,force_x,force_y,position_x,position_y"
     found = np.array([[float(cell) for cell in line.split(",")] for line in kept])
@@ -410,7 +334,6 @@ def test_a_force_of_each_axis_is_played_and_either_axis_stops_both(
 @pytest.mark.parametrize(
     "text",
     [
-        "time,position\n0,0\n0.001,0\n",
         "time,force_x,force_y\n0,0\n0.001,0\n",
         "time,force_x,force_y\n0,0,0\n0.001,20,0\n0.002,0,0\n",
         "time,force_x,force_y\n0,0,0\n0.001,1,1\n0.002,0,1\n",
@@ -421,7 +344,7 @@ def test_a_force_of_each_axis_is_played_and_either_axis_stops_both(
 def test_a_plan_of_other_columns_or_beyond_the_limits_is_not_played(
     players: dict[str, Play], tmp_path: Path, language: str, text: str
 ) -> None:
-    device, plan = TwoAxes(named_rig("homerehab"), Fault()), tmp_path / "force.csv"
+    device, plan = SteppedDevice(axes=2), tmp_path / "force.csv"
     plan.write_text(text, encoding="utf-8")
     try:
         log, end = players[language](device, plan, WIDE)
@@ -435,52 +358,67 @@ def test_a_plan_of_other_columns_or_beyond_the_limits_is_not_played(
 def test_an_amplifier_that_takes_no_zero_is_told_at_once(
     players: dict[str, Play], tmp_path: Path, language: str
 ) -> None:
-    device = SteppedDevice(named_rig("homerehab"), Fault(write_fails_from=300))
+    device = SteppedDevice(Fault(write_fails_from=300))
     log, end = players[language](device, plan_file(tmp_path, PUSH), WIDE)
     assert "ZERO FORCE COULD NOT BE WRITTEN" in end
     assert len(rows_of(log)) == 300
 
 
-#: What fills in the C program: a device that stands still, and one more sample of its clock.
-_STILL_C = {
-    "= 0.0;\n    return PLAYER_FILL_IN;": "= 0.25;\n    return 0;",
-    "    (void)forces;\n    return PLAYER_FILL_IN;": "    (void)forces;\n    return 0;",
+#: What fills in a program: a device that stands still and keeps every force in a file.
+FILLED = {
+    "c": (
+        ("= 0.0;\n    return PLAYER_FILL_IN;", "= 0.25;\n    return 0;"),
+        (
+            "(void)context, (void)axes;\n    (void)forces;\n    return PLAYER_FILL_IN;",
+            """FILE *file = fopen("forces", "a");
+    (void)context, (void)axes;
+    fprintf(file, "%g\\n", forces[0]);
+    return fclose(file);""",
+        ),
+    ),
+    "python": (
+        ('raise NotImplementedError("fill in read_positions")', "return [0.25]"),
+        (
+            'raise NotImplementedError("fill in write_forces")',
+            """with open("forces", "a") as file:
+            file.write(f"{forces[0]}\\n")""",
+        ),
+    ),
 }
-_STILL_PYTHON = {
-    '        raise NotImplementedError("fill in read_positions")': "        return [0.25]",
-    '        raise NotImplementedError("fill in write_forces")': "        return None",
-}
+LIMITS = ("--force", "2", "--travel", "0.1", "--speed", "1")
+
+
+def written(language: str, filled: int = 2) -> list[str]:
+    """The command of a player in the current folder, of whose blanks so many are filled in."""
+    assert haptune("new", "player", "--language", language).code == 0
+    source = Path("player.c" if language == "c" else "player.py")
+    text = source.read_text(encoding="utf-8")
+    for blank, code in FILLED[language][:filled]:
+        assert text.count(blank) == 1
+        text = text.replace(blank, code)
+    source.write_text(text, encoding="utf-8")
+    if language == "python":
+        return [sys.executable, "player.py"]
+    cc = compiler("cc", "gcc")
+    subprocess.run([cc, *FLAGS, "-o", "player", "player.c", "-lm"], check=True)
+    return ["./player"]
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_program_itself(here: Path, language: str) -> None:
     """As written it drives nothing and says so; filled in, it plays by the clock of the system."""
-    assert haptune("new", "player", "--language", language).code == 0
-    source = Path("player.c" if language == "c" else "player.py")
     plan_file(here, np.sin(np.linspace(0, np.pi, 11)).round(6), 0.05)
-    limits = ("--force", "2", "--travel", "0.1", "--speed", "1")
 
-    def ran(*words: str) -> subprocess.CompletedProcess[str]:
-        program = ["./player"] if language == "c" else [sys.executable, "player.py"]
-        if language == "c" and built[-1] != text:
-            subprocess.run([compiler(), *FLAGS, "-o", "player", "player.c", "-lm"], check=True)
-            built.append(text)
-        command = [*program, *words]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+    def ran(program: list[str], *words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([*program, *words], capture_output=True, text=True, check=False)
 
-    text, built = source.read_text(encoding="utf-8"), [""]
-    still = _STILL_C if language == "c" else _STILL_PYTHON
-    for name, (blank, filled) in zip(
-        ("read_positions", "write_forces"), still.items(), strict=True
-    ):
-        empty = ran("force.csv", "log.csv", *limits)
+    for filled, name in enumerate(("read_positions", "write_forces")):
+        empty = ran(written(language, filled), "force.csv", "log.csv", *LIMITS)
         assert empty.returncode == 2
         assert re.search(f"no device yet: fill in (device_)?{name}\n", empty.stderr)
         assert not Path("log.csv").exists()
-        assert text.count(blank) == 1
-        text = text.replace(blank, filled)
-        source.write_text(text, encoding="utf-8")
-    played = ran("force.csv", "log.csv", *limits)
+    program = written(language)
+    played = ran(program, "force.csv", "log.csv", *LIMITS)
     assert played.returncode == 0, played.stderr
     assert "played to the end; 12 rows" in played.stderr
     rows = rows_of(Path("log.csv").read_text(encoding="utf-8"))
@@ -489,63 +427,41 @@ def test_the_program_itself(here: Path, language: str) -> None:
     lateness = rows[:, 0] - 0.05 * np.arange(12)
     assert lateness.min() > -1e-6
     assert lateness.max() < 0.5
-    assert ran("none.csv", "log.csv", *limits).returncode == 2
-    assert ran("force.csv", "no/log.csv", *limits).returncode == 2
-    assert ran("force.csv", "log.csv").returncode == 2
+    assert ran(program, "none.csv", "log.csv", *LIMITS).returncode == 2
+    assert ran(program, "force.csv", "no/log.csv", *LIMITS).returncode == 2
+    assert ran(program, "force.csv", "log.csv").returncode == 2
     # What is no limit is refused before anything moves, with its value.
-    for limit in ("nan", "inf", "-1", "0", "100mm", "0,1", ""):
+    for limit in ("nan", "inf", "-1", "0", "100mm", ""):
         for place in (3, 5, 7) if limit == "nan" else (3,):
-            changed = [*limits, "--ramp", "0"]
+            changed = [*LIMITS, "--ramp", "0"]
             changed[place] = limit
-            refused = ran("force.csv", "none.csv", *changed)
+            refused = ran(program, "force.csv", "none.csv", *changed)
             assert refused.returncode == 2, (changed, refused.stderr)
             assert limit in refused.stderr
     assert not Path("none.csv").exists()
 
 
-#: What fills in a device that keeps every force it is given in a file.
-_KEPT_C = """FILE *file = fopen("forces", "a");
-    (void)context, (void)axes;
-    fprintf(file, "%g\\n", forces[0]);
-    return fclose(file);"""
-_KEPT_PYTHON = """        with open("forces", "a") as file:
-            file.write(f"{forces[0]}\\n")"""
-
-
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP"])
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_terminal_that_goes_leaves_no_force_on(here: Path, language: str, name: str) -> None:
+def test_a_terminal_that_goes_leaves_no_force_on(here: Path, language: str) -> None:
     """Whatever asks it to end or to stop, twice as a closed terminal may; the log is kept."""
-    asked = getattr(signal, name)
-    assert haptune("new", "player", "--language", language).code == 0
-    source = Path("player.c" if language == "c" else "player.py")
-    blanks = dict(_STILL_C if language == "c" else _STILL_PYTHON)
-    position, force = blanks
-    blanks[force] = _KEPT_C if language == "c" else _KEPT_PYTHON
-    text = source.read_text("utf-8").replace(
-        "(void)context, (void)axes;\n    (void)f", "    (void)f"
-    )
-    source.write_text(
-        text.replace(position, blanks[position]).replace(force, blanks[force]), "utf-8"
-    )
-    program = [sys.executable, "player.py"]
-    if language == "c":
-        subprocess.run([compiler(), *FLAGS, "-o", "player", "player.c", "-lm"], check=True)
-        program = ["./player"]
+    program, forces = written(language), Path("forces")
     plan_file(here, np.sin(np.linspace(0, np.pi, 401)).round(6), 0.02)
-    words = ("force.csv", "log.csv", "--force", "2", "--travel", "0.1", "--speed", "1")
-    # A parent may have told it not to mind.
-    before = signal.signal(asked, signal.SIG_DFL)
-    played = subprocess.Popen([*program, *words], stderr=subprocess.PIPE, text=True)
-    signal.signal(asked, before)
-    began, forces = time.monotonic(), Path("forces")
-    while time.monotonic() < began + 20 and not (forces.exists() and forces.stat().st_size > 30):
-        time.sleep(0.01)
-    played.send_signal(asked)
-    played.send_signal(asked)
-    _, told = played.communicate(timeout=20)
-    assert played.returncode == 1
-    assert "stopped: emergency stop" in told
-    kept = [float(line) for line in forces.read_text("utf-8").split()]
-    assert kept[-1] == 0.0 < kept[-2]
-    assert len(rows_of(Path("log.csv").read_text("utf-8"))) == len(kept) - 1
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP"):
+        asked = getattr(signal, name)
+        forces.write_text("")
+        # A parent may have told it not to mind.
+        before = signal.signal(asked, signal.SIG_DFL)
+        command = [*program, "force.csv", "log.csv", *LIMITS]
+        played = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        signal.signal(asked, before)
+        end = time.monotonic() + 20
+        while time.monotonic() < end and forces.stat().st_size < 30:
+            time.sleep(0.01)
+        played.send_signal(asked)
+        played.send_signal(asked)
+        _, told = played.communicate(timeout=20)
+        assert played.returncode == 1, name
+        assert "stopped: emergency stop" in told
+        kept = [float(line) for line in forces.read_text("utf-8").split()]
+        assert kept[-1] == 0.0 < kept[-2]
+        assert len(rows_of(Path("log.csv").read_text("utf-8"))) == len(kept) - 1

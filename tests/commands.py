@@ -17,6 +17,7 @@ from unittest import mock
 import typer.main
 
 import tune
+from datasets_synthetic import bundled_path
 from tune.cli.app import run_app
 
 #: The quickest scene there is: a fluid settles at once in rehearsal, a lone spring rings for long.
@@ -78,6 +79,12 @@ def log_text(samples: int = 400, force: str = "") -> str:
         for k in range(samples)
     ]
     return "\n".join(["time,force,position", *rows]) + "\n"
+
+
+def bundled_log(samples: int = 2000, names: str = "time,force,position") -> str:
+    """The first samples of the log of HomeRehab as CSV, under these names."""
+    rows = bundled_path("homerehab.csv").read_text(encoding="utf-8").splitlines()
+    return "\n".join([names, *rows[1 : samples + 1], ""])
 
 
 def files() -> set[str]:

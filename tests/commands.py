@@ -20,8 +20,8 @@ import tune
 from datasets_synthetic import bundled_path
 from tune.cli.app import run_app
 
-#: The quickest scene there is: a fluid settles at once in rehearsal, a lone spring rings for long.
-FLUID = "elements: {water: {damping: 10.0}}\n"
+#: The quickest scene there is: no filter is chosen, and a fluid settles at once in rehearsal.
+FLUID = "elements: {water: {damping: 10.0}}\nloop: {velocity_filter_hz: 50.0}\n"
 #: The JSON Schemas that are shipped.
 SCHEMAS = Path(tune.__file__).parent / "schemas"
 #: What --json prints, whatever happens; a message and details are added where there are any.

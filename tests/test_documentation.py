@@ -13,17 +13,13 @@ import pytest
 from datasets_synthetic import Controller, bundled_path, log_text, named_rig, rig_of, simulate
 from identification import load_mapping
 from identification.findings import CODES
-from tests.commands import files, haptune
+from tests.commands import FLUID, files, haptune
 from tune import load_profile
 
 ROOT = Path(__file__).parents[1]
-#: Pages that the usual run follows; the long run follows all.
-FIRST = {"README.md"}
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 #: Pages whose links have to resolve.
 LINKING = (*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md")
-#: Blocks in other languages: shown, not run.
-SHOWN = {"c", "text"}
 #: Commands that install what runs here, the one that runs this test, and measurements of minutes.
 LEFT_OUT = ("python -m pip", "python -m pytest", "python -m benchmarks")
 #: The element that is played for ``haptune verify``, and its gain.
@@ -91,18 +87,10 @@ def _play_gently() -> None:
     Path("gentle_log.csv").write_text(log_text(simulate(rig, force).trajectory()), encoding="utf-8")
 
 
-def test_every_block_is_in_a_language_that_is_run_or_shown() -> None:
-    assert {language for _, language, _ in _blocks()} == {"sh", "python"} | SHOWN
-
-
-def test_no_command_stands_outside_a_block_that_is_run() -> None:
+def test_every_block_is_run_or_shown() -> None:
+    assert {language for _, language, _ in _blocks()} == {"sh", "python", "c", "text"}
     for page in PAGES:
         assert not re.search(r"^(    |\t)haptune ", page.read_text(encoding="utf-8"), re.MULTILINE)
-
-
-def broken_links(page: Path) -> list[str]:
-    """Links of a page, to files or headings of the project, that lead nowhere."""
-    return [link for link in _LINK.findall(page.read_text("utf-8")) if not _resolves(page, link)]
 
 
 def _resolves(page: Path, link: str) -> bool:
@@ -119,9 +107,10 @@ def _anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
 
 
-@pytest.mark.parametrize("page", LINKING, ids=lambda page: page.name)
-def test_links_resolve(page: Path) -> None:
-    assert broken_links(page) == []
+def test_links_resolve() -> None:
+    """Those to files or headings of the project."""
+    links = ((page, link) for page in LINKING for link in _LINK.findall(page.read_text("utf-8")))
+    assert [(page, link) for page, link in links if not _resolves(page, link)] == []
 
 
 def test_every_finding_has_its_section_and_its_picture() -> None:
@@ -137,7 +126,9 @@ def _at_the_device(here: Path) -> None:
 
 @pytest.mark.usefixtures("_at_the_device")
 def test_every_block_of_the_readme_runs_as_printed() -> None:
-    ran = _run_blocks(block for block in _blocks() if block[0] in FIRST)
+    """The scene is the reader's: that of the form is tuned by the demo."""
+    readme = (block for block in _blocks() if block[0] == "README.md")
+    ran = _run_blocks(readme, scene=FLUID)
     assert ran >= {"demo", "calibrate", "check", "export"}
 
 
@@ -154,8 +145,11 @@ def test_every_block_runs_as_printed() -> None:
     assert page.count("data:image/svg+xml") == shown
 
 
-def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
-    """Run blocks, each line once, in the current folder; the commands of haptune that ran."""
+def _run_blocks(blocks: Iterable[tuple[str, str, str]], scene: str = "") -> set[str]:
+    """Run blocks, each line once, in the current folder; the commands of haptune that ran.
+
+    A scene takes the place of the one that a form fills in.
+    """
     ran: set[str] = set()
     lines: set[str] = set()
     for page, language, text in blocks:
@@ -180,6 +174,8 @@ def _run_blocks(blocks: Iterable[tuple[str, str, str]]) -> set[str]:
             ended = haptune(*arguments)
             assert ended.code == 0, f"{page}: {command}: {ended.err}"
             ran.add(arguments[0])
+            if scene and arguments == ["new", "scene"]:
+                Path("scene.yaml").write_text(scene, encoding="utf-8")
             if arguments[0] == "demo":
                 _compare_first_table(ended.out)
                 # A terminal at a bench shows all of it at once.

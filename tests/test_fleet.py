@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -26,7 +26,10 @@ from tune.documents.manifest import load_manifest
 from tune.optimisation.study import QUANTITIES
 from tune.presentation.fleet import unlike_others
 
-COMMAND = ("fleet", "manifest.csv", "--scene", "scene.yaml", "--hardware", "hardware.yaml")
+COMMAND = (
+    *("fleet", "manifest.csv", "--scene", "scene.yaml", "--hardware", "hardware.yaml"),
+    *("--method", "least-squares"),
+)
 COUNT, ODD = 6, 2
 
 
@@ -34,7 +37,7 @@ COUNT, ODD = 6, 2
 def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of logs, one of them none, and ``fleet`` of them; what came of it is not changed."""
     folder = tmp_path_factory.mktemp("calibrated")
-    fleet_logs(folder, COUNT, unlike=ODD)
+    fleet_logs(folder, COUNT, unlike=ODD, samples=2000)
     with (folder / "manifest.csv").open("a", encoding="utf-8") as manifest:
         manifest.write("SNnone,logs/none.csv\n")
     with pytest.MonkeyPatch.context() as patch:
@@ -142,14 +145,21 @@ def wait_for(folder: Path, count: int, running: subprocess.Popen[bytes]) -> None
 
 
 @needs_posix
-def test_killed_and_run_again_gives_the_same(calibrated: Path, here: Path) -> None:
+@pytest.mark.parametrize(
+    ("workers", "counts"),
+    [("1", [2]), pytest.param("2", range(1, COUNT + 2), marks=pytest.mark.long)],
+)
+def test_killed_and_run_again_gives_the_same(
+    calibrated: Path, here: Path, workers: str, counts: Sequence[int]
+) -> None:
     shutil.rmtree("fleet")
-    running = run_in_background(here, "--workers", "1")
-    wait_for(here / "fleet", 2, running)
-    os.killpg(running.pid, signal.SIGKILL)
-    running.communicate()
-    assert 2 <= len(records(here / "fleet")) <= COUNT
-    haptune(*COMMAND, "--workers", "1")
+    for count in counts:
+        running = run_in_background(here, "--workers", workers)
+        wait_for(here / "fleet", count, running)
+        os.killpg(running.pid, signal.SIGKILL)
+        running.communicate()
+        assert len(records(here / "fleet")) >= count
+    haptune(*COMMAND, "--workers", workers)
     assert contents(here / "fleet") == contents(calibrated / "fleet")
 
 
@@ -167,21 +177,6 @@ def test_interrupted_it_says_how_many_are_done(here: Path, monkeypatch: pytest.M
     done = haptune(*COMMAND, "--workers", "1")
     assert done.code == 130
     assert f"interrupted; {COUNT} of {COUNT + 1} devices done; run it again" in done.err
-
-
-@pytest.mark.long
-@needs_posix
-def test_killed_at_every_device_and_on_two_workers_gives_the_same(
-    calibrated: Path, here: Path
-) -> None:
-    shutil.rmtree("fleet")
-    for count in range(1, COUNT + 2):
-        running = run_in_background(here, "--workers", "2")
-        wait_for(here / "fleet", count, running)
-        os.killpg(running.pid, signal.SIGKILL)
-        running.communicate()
-    haptune(*COMMAND, "--workers", "2")
-    assert contents(here / "fleet") == contents(calibrated / "fleet")
 
 
 @pytest.mark.long
@@ -254,10 +249,10 @@ def test_a_study_is_what_optimise_says_of_each_whatever_the_workers() -> None:
     water = Scene.model_validate({"elements": {"water": {"damping": 10.0}}})
     stiff = {"elements": {"wall": {"stiffness": {"min": 20000, "max": 30000}}}}
     scenes = {"water": water, "stiff": Scene.model_validate(stiff)}
-    devices = {"one": homerehab, "two": "knob", "three": "nobody.yaml"}
+    devices = {"one": homerehab, "two": "nobody.yaml"}
     said: list[str] = []
     alone = study(devices, scenes, margins=["firm", "balanced"], workers=1, progress=said.append)
-    assert said[-1] == "tuning devices (12 of 12)"
+    assert said[-1] == "tuning devices (8 of 8)"
     head = alone.select("device", "scene", "margin").rows()
     assert head == [
         (device, scene, margin)
@@ -265,7 +260,7 @@ def test_a_study_is_what_optimise_says_of_each_whatever_the_workers() -> None:
         for scene in scenes
         for margin in ("firm", "balanced")
     ]
-    assert alone["exit_code"].to_list() == [0, 0, 5, 5] * 2 + [3] * 4
+    assert alone["exit_code"].to_list() == [0, 0, 5, 5] + [3] * 4
     assert "its range starts at 20000" in alone["sentence"][2]
     firm = optimise(homerehab, water.model_copy(update={"margin": "firm"}))
     row = alone.row(0, named=True)
@@ -326,7 +321,7 @@ def test_a_device_is_unlike_others_only_beyond_its_interval() -> None:
     assert not unlike_others(fleet_of([3.0, 3.0, 3.0, 9.0], [0.0] * 4))
 
 
-@pytest.mark.parametrize(("count", "far"), [(8, 12.0), (20, 6.5), (200, 5.5)])
+@pytest.mark.parametrize(("count", "far"), [(8, 12.0), (200, 5.5)])
 def test_few_fleets_alike_in_truth_have_a_device_that_is_not_like_the_others(
     count: int, far: float
 ) -> None:

@@ -829,7 +829,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_of(
         "tune/cli/logs.py",
-        "tests/test_terminal.py -k one_axis",
+        "tests/test_asking.py -k one_axis",
         ("an answer for one of several axes", "parts[error.place or 0]", "parts[0]"),
     ),
     *_of(

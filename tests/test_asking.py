@@ -8,20 +8,18 @@ import pytest
 
 from datasets_synthetic import bundled_path
 from identification import Hardware, load_device, load_document
-from tests.commands import FLUID, Ended, haptune
+from tests.commands import FLUID, Ended, bundled_log, haptune
 from tune.cli.session import Session
 
-LOG = bundled_path("homerehab.csv")
 #: Motion, sample time, (delay is told by the log), one count, force for long and for a moment.
 FACTS = ("linear", "0.001", "6e-6", "14", "28")
 
 
 @pytest.fixture(autouse=True)
 def _bench(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder with a log of other names than haptune's, and a quick scene."""
-    rows = LOG.read_text(encoding="utf-8").splitlines()[1:4001]
-    text = "\n".join(["stamps,motor,handle", *rows])
-    Path("log.csv").write_text(text + "\n", encoding="utf-8")
+    """A folder with a log, one of other names than haptune's, and a quick scene."""
+    Path("plain.csv").write_text(bundled_log(), encoding="utf-8")
+    Path("log.csv").write_text(bundled_log(names="stamps,motor,handle"), encoding="utf-8")
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
     monkeypatch.setattr(Session, "asks", property(_asks))
 
@@ -63,7 +61,7 @@ def test_calibrate_asks_for_columns_and_facts_and_goes_on(monkeypatch: pytest.Mo
 
 
 def test_tune_asks_for_what_a_device_lacks(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = haptune("identify", str(LOG), "--no-input")
+    ended = haptune("identify", "plain.csv", "--no-input")
     assert ended.code == 0, ended.err
     wrong = ("linear", "fast", "0.001", "6e-6", "14", "2", "14", "28")
     ended = _typed(monkeypatch, wrong, "tune", "device.yaml", "scene.yaml")
@@ -75,7 +73,7 @@ def test_tune_asks_for_what_a_device_lacks(monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.parametrize("option", ["--no-input", "--json", "--quiet"])
 def test_without_a_person_it_ends_as_before(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    arguments = ("calibrate", str(LOG), "--scene", "scene.yaml")
+    arguments = ("calibrate", "plain.csv", "--scene", "scene.yaml")
     ended = _typed(monkeypatch, FACTS, *arguments, option)
     assert ended.code == 3
     assert "does not state motion" in ended.err
@@ -86,7 +84,7 @@ def test_without_a_person_it_ends_as_before(option: str, monkeypatch: pytest.Mon
 
 
 def test_nothing_answered_leaves_a_fact_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    arguments = ("calibrate", str(LOG), "--scene", "scene.yaml")
+    arguments = ("calibrate", "plain.csv", "--scene", "scene.yaml")
     ended = _typed(monkeypatch, ("linear", ""), *arguments)
     assert ended.code == 3
     assert "does not state sample_time" in ended.err
@@ -118,6 +116,18 @@ def test_a_column_in_amperes_asks_for_its_gain(monkeypatch: pytest.MonkeyPatch) 
     assert "could not convert" not in ended.err
 
 
+def test_a_unit_of_one_axis_is_asked_for_and_told_for_this_axis(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rows = bundled_path("planar.csv").read_text("utf-8").splitlines()[:2001]
+    rows[0] = rows[0].replace("force_y", "force_y [A]")
+    Path("plane.csv").write_text("\n".join(rows), "utf-8")
+    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
+    ended = _typed(monkeypatch, ("1", *FACTS), "identify", "plane.csv", *columns)
+    assert ended.code == 0, ended.err
+    assert "--force-gain ,1" in ended.err
+
+
 def test_help_is_found_by_every_convention() -> None:
     for arguments in (("help", "tune"), ("tune", "-h"), ("tune", "--help")):
         ended = haptune(*arguments)
@@ -130,6 +140,6 @@ def test_help_is_found_by_every_convention() -> None:
 
 def test_a_number_with_its_unit_is_told_to_leave_it_out() -> None:
     Path("hardware.yaml").write_text("sample_time: 1 ms\n", encoding="utf-8")
-    ended = haptune("doctor", str(LOG), "--hardware", "hardware.yaml")
+    ended = haptune("doctor", "plain.csv", "--hardware", "hardware.yaml")
     assert ended.code == 3
     assert "the number alone, in seconds (seen: '1 ms')" in ended.err

@@ -8,11 +8,11 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from datasets_synthetic import bundled_path
 from identification import Hardware, load_document
-from tests.commands import FLUID
+from tests.commands import FLUID, bundled_log
 from tests.processes import needs_posix
 
 pytestmark = needs_posix
@@ -117,11 +117,8 @@ class _Terminal:
 @pytest.fixture(autouse=True)
 def _bench(here: Path) -> None:
     """A log whose names tell nothing: milliseconds, amperes of 2 N each, millimetres."""
-    rows = [
-        tuple(map(float, row.split(",")))
-        for row in bundled_path("homerehab.csv").read_text("utf-8").splitlines()[1:4001]
-    ]
-    lines = [f"{1e3 * t!r},{f / 2!r},{1e3 * x!r}" for t, f, x, *_ in rows]
+    rows = np.loadtxt(bundled_log().splitlines(), delimiter=",", skiprows=1) * [1e3, 0.5, 1e3]
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
     Path("log.csv").write_text("\n".join(["stamps [ms],motor [A],handle [mm]", *lines]), "utf-8")
     Path("scene.yaml").write_text(FLUID, encoding="utf-8")
 
@@ -154,7 +151,7 @@ def test_columns_unit_and_facts_are_asked_in_one_session_that_goes_on() -> None:
     assert Path("profile.yaml").read_text(encoding="utf-8").count("digest: sha256:")
 
 
-@pytest.mark.parametrize("answered", [0, 3, 8])
+@pytest.mark.parametrize("answered", [0, 8])
 def test_an_interrupt_at_a_question_leaves_nothing_written(answered: int) -> None:
     before = {path.name: path.read_bytes() for path in Path().iterdir()}
     terminal = _calibrate()
@@ -184,13 +181,3 @@ def test_an_interrupt_that_is_dropped_before_the_answer_is_read_ends_the_questio
     assert terminal.end() == 130, terminal.shown
     assert COLUMNS[0][0] in terminal.shown
     assert "interrupted" in terminal.shown
-
-
-def test_a_unit_of_one_axis_is_asked_for_and_told_for_this_axis() -> None:
-    text = bundled_path("planar.csv").read_text("utf-8").replace("force_y", "force_y [A]", 1)
-    Path("plane.csv").write_text(text, "utf-8")
-    columns = ("--force", "force_x,force_y", "--position", "position_x,position_y")
-    terminal = _Terminal("identify", "plane.csv", *columns)
-    _answer(terminal, (("per unit of that column", "1"), *FACTS))
-    assert terminal.end() == 0, terminal.shown
-    assert "--force-gain ,1" in terminal.shown

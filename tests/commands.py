@@ -8,10 +8,10 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from unittest import mock
 
 import typer.main
@@ -85,6 +85,19 @@ def bundled_log(samples: int = 2000, names: str = "time,force,position") -> str:
     """The first samples of the log of HomeRehab as CSV, under these names."""
     rows = bundled_path("homerehab.csv").read_text(encoding="utf-8").splitlines()
     return "\n".join([names, *rows[1 : samples + 1], ""])
+
+
+def failing(error: BaseException) -> Callable[..., NoReturn]:
+    """What ends with an error, whatever it is called with."""
+
+    def fail(*_: object, **__: object) -> NoReturn:
+        raise error
+
+    return fail
+
+
+#: No space is left: what a full disk answers.
+FULL = OSError(28, "No space left on device")
 
 
 def files() -> set[str]:

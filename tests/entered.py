@@ -49,18 +49,8 @@ def played(
 ) -> Run:
     """Let a device without dry friction go and call the guard in every period that is not missed.
 
-    Args:
-        guard: compiled from the profile.
-        profile: whose device moves, at its best estimate and its delay in whole samples.
-        touched: the elements, from the period and the reading.
-        place: at the start.
-        speed: at the start.
-        periods: of the run.
-        faces: (rest, side) of each element, given whenever it is touched anew.
-        push_of_hand: constant force on the handle.
-        wrong: what is added to the readings of some periods.
-        missed: periods in which the guard is not called and its last force goes on.
-        gain: from the period and the reading.
+    Elements come from the period and the reading; faces, (rest, side), are given whenever theirs
+    are touched anew. What is wrong is added to the readings of some periods.
     """
     device, step = profile.device, profile.loop.sample_time
     m, b = device.mass.value, device.damping.value

@@ -14,11 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import NDArray
 
 from tune import SafeProfile, export
-
-FloatArray = NDArray[np.float64]
 
 STATUS = (
     "OK",
@@ -108,7 +105,7 @@ class Reply:
     """What one call left behind."""
 
     status: str
-    force: float = 0.0
+    force: Any = 0.0  # of several axes an array, (axes,)
     clamped: bool = False
     missed: int = 0
     glitches: int = 0
@@ -184,17 +181,6 @@ class Guard:
         return [self.call(each) for each in calls]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplyOfAxes:
-    """What one call left behind."""
-
-    status: str
-    force: FloatArray  # (axes,)
-    clamped: bool
-    missed: int
-    glitches: int
-
-
 class GuardOfAxes:
     """A compiled guard of several axes, called in this process."""
 
@@ -226,13 +212,13 @@ class GuardOfAxes:
 
     def push(
         self, elements: int, faces: int, period: int, position: Sequence[float], gain: float = 1.0
-    ) -> ReplyOfAxes:
+    ) -> Reply:
         """haptune_axes_force."""
         read, force = (ctypes.c_double * self._axes)(*position), (ctypes.c_double * self._axes)()
         counts = (ctypes.c_uint32 * 3)()
         status = self._door.door_force(elements, faces, period, read, gain, force, counts)
         clamped, missed, glitches = counts
-        return ReplyOfAxes(
+        return Reply(
             status=STATUS[status],
             force=np.array(force),
             clamped=clamped == 1,

@@ -1,12 +1,10 @@
 """Every exit code of the contract, each from a situation that can happen to a user."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
 
 import pytest
 
-from tests.commands import FLUID, files, haptune, log_text
+from tests.commands import FLUID, FULL, failing, files, haptune, log_text
 
 STATUS = {
     1: "internal-error",
@@ -72,7 +70,7 @@ SITUATIONS: tuple[tuple[int, str, str], ...] = (
     (3, "Give a smaller file", "tune homerehab large.yaml"),
     (7, "too long", f"new scene -o {'x' * 999}"),
     (3, "too long", f"identify log.csv --hardware {'x' * 999}.yaml"),
-    (7, "cannot", "tune homerehab scene.yaml -o folder/full"),
+    (7, "No space left", "tune homerehab scene.yaml -o folder/full"),
 )
 
 
@@ -110,8 +108,8 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_each_refusal_has_its_code_and_one_sentence_and_writes_nothing(
     code: int, words: str, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if words == "cannot":
-        _full_disk(monkeypatch)
+    if words == "No space left":
+        monkeypatch.setattr("os.fsync", failing(FULL))
     if "smaller" in words:
         monkeypatch.setattr("identification.documents.MOST_EVENTS", 200)
     before = files()
@@ -130,13 +128,6 @@ def test_each_refusal_has_its_code_and_one_sentence_and_writes_nothing(
     assert len(plain.err.splitlines()) == (2 if code == 4 else 1)
 
 
-def _full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_: int) -> NoReturn:
-        raise OSError(28, "cannot: no space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
-
-
 def test_a_finding_carries_what_was_seen_what_is_needed_and_what_to_do() -> None:
     findings = haptune("identify", "constant.csv", "--json").result["findings"]
     assert [set(finding) for finding in findings] == [
@@ -146,13 +137,6 @@ def test_a_finding_carries_what_was_seen_what_is_needed_and_what_to_do() -> None
     assert findings[0]["severity"] == "refusal"
     assert findings[0].pop("at") == []
     assert all(findings[0].values())
-
-
-def _raising(error: BaseException) -> Callable[..., NoReturn]:
-    def fail(*_: object, **__: object) -> NoReturn:
-        raise error
-
-    return fail
 
 
 #: What to break, so that each command is stopped from inside.
@@ -177,7 +161,7 @@ def test_what_stops_it_from_inside_is_one_sentence_and_writes_nothing(
         (1, "internal error: ZeroDivisionError: by hand; no file was written", defect),
         (130, "interrupted", KeyboardInterrupt()),
     ):
-        monkeypatch.setattr(INSIDE[command], _raising(error), raising=False)
+        monkeypatch.setattr(INSIDE[command], failing(error), raising=False)
         ended = haptune(*command.split(), "--json")
         assert (ended.code, ended.result["status"]) == (code, STATUS[code])
         assert words in ended.err

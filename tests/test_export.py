@@ -8,14 +8,14 @@ import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 from identification import InvalidInputError, UnstatedError, UsageError, to_mapping, to_yaml
-from tests.commands import digest_of, files, haptune
+from tests.commands import FULL, digest_of, failing, files, haptune
 from tests.exported import FADE, LOOPS, changed, on_axes, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
 from tune import CheckFailedError, export
@@ -340,10 +340,7 @@ def test_a_refusal_has_its_code_and_writes_nothing(
 def test_a_full_disk_leaves_no_folder_that_was_made(
     here: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(_: int) -> NoReturn:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr("os.fsync", failing(FULL))
     Path("mine").mkdir()
     before = set(here.rglob("*"))
     for folder in ("mine", "new"):

@@ -1,12 +1,12 @@
 """Every command's JSON: valid by its schema, with every number that the command's tables show."""
 
 import functools
+import html
 import json
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -163,29 +163,11 @@ THOROUGH = (
 )
 
 
-class _Tables(HTMLParser):
+def _tables_of(page: Path) -> str:
     """What the tables of a page show, and the lines below them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.inside = 0
-        self.words: list[str] = []
-
-    @classmethod
-    def of(cls, page: Path) -> str:
-        parser = cls()
-        parser.feed(page.read_text(encoding="utf-8"))
-        return "\n".join(parser.words)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.inside += tag in {"table", "ul"}
-
-    def handle_endtag(self, tag: str) -> None:
-        self.inside -= tag in {"table", "ul"}
-
-    def handle_data(self, data: str) -> None:
-        if self.inside and data.strip():
-            self.words.append(data.strip())
+    text = page.read_text(encoding="utf-8")
+    parts = re.findall(r"<(?:table|ul)\b.*?</(?:table|ul)>", text, re.DOTALL)
+    return html.unescape(re.sub(r"<[^>]*>", "\n", "\n".join(parts)))
 
 
 def _wanting(commands: tuple[str, ...]) -> str:
@@ -196,7 +178,7 @@ def _wanting(commands: tuple[str, ...]) -> str:
         assert ended.code in {0, 4, 6}, ended.err
         details = ended.result.get("details", {})
         pages = (each for each in ended.result["outputs"] if each.endswith(".html"))
-        text = "".join((text, *(_Tables.of(Path(each)) for each in pages)))
+        text = "".join((text, *(_tables_of(Path(each)) for each in pages)))
         shown = "\n".join(line for line in text.splitlines() if line[:1] not in set("+-@"))
         wanting += [f"{arguments}: {each}" for each in missing_numbers(shown, ended.result)]
         for file in {"device", "profile"} & details.keys():

@@ -200,12 +200,16 @@ encoder_resolution: 0.000006
 """
 WIDE = {"force": 14.0, "travel": 0.5, "speed": 5.0}
 LANGUAGES = ("c", "python")
+#: What the columns of so many axes end with.
+NAMES = {1: ("",), 2: ("_x", "_y")}
 
 
-def plan_file(folder: Path, forces: np.ndarray, step: float = STEP) -> Path:
-    rows = [f"{k * step:.9g},{force:.12g}" for k, force in enumerate(forces.tolist())]
+def plan_file(folder: Path, forces: np.ndarray, step: float = STEP, axes: int = 1) -> Path:
+    """Of two axes the first gets a hundredth."""
+    columns = [step * np.arange(len(forces)), *[0.01 * forces] * (axes - 1), forces]
     path = folder / "force.csv"
-    path.write_text("\n".join(["time,force", *rows]) + "\n", encoding="utf-8")
+    header = ",".join(["time", *(f"force{axis}" for axis in NAMES[axes])])
+    np.savetxt(path, np.transpose(columns), "%.12g", ",", header=header, comments="")
     return path
 
 
@@ -222,9 +226,10 @@ def players(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Play]:
     return {"c": play_in_c(folder / "player.c"), "python": play_in_python(folder / "player.py")}
 
 
-def rows_of(log: str) -> np.ndarray:
+def rows_of(log: str, axes: int = 1) -> np.ndarray:
     header, *lines = log.splitlines()
-    assert header == "time,force,position"
+    names = [f"{role}{axis}" for role in ("force", "position") for axis in NAMES[axes]]
+    assert header == ",".join(["time", *names])
     return np.array([[float(cell) for cell in line.split(",")] for line in lines])
 
 
@@ -253,6 +258,7 @@ def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
 
 #: Limits, what goes wrong, how it ends, and the first sample without force.
 STOPS: dict[str, tuple[dict[str, float], Fault, str, int]] = {
+    "nothing": (WIDE, Fault(), "played to the end", PUSH.size),
     "too far": (WIDE | {"travel": 0.01}, Fault(), "travel exceeded", 0),
     "too fast": (WIDE | {"speed": 0.1}, Fault(), "too fast", 0),
     "emergency stop": (WIDE, Fault(stop_from=300), "emergency stop", 300),
@@ -269,65 +275,33 @@ STOPS: dict[str, tuple[dict[str, float], Fault, str, int]] = {
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("axes", [1, 2])
 @pytest.mark.parametrize("case", STOPS)
 def test_whatever_stops_it_the_force_is_zero_and_the_log_is_kept(
-    players: dict[str, Play], tmp_path: Path, case: str, language: str
+    players: dict[str, Play], tmp_path: Path, case: str, axes: int, language: str
 ) -> None:
+    """Of two axes the first is hardly pushed, and what happens to the other stops both."""
     limits, fault, words, sample = STOPS[case]
-    device = SteppedDevice(fault)
-    log, end = players[language](device, plan_file(tmp_path, PUSH), limits)
+    device = SteppedDevice(fault, axes)
+    log, end = players[language](device, plan_file(tmp_path, PUSH, axes=axes), limits)
     assert re.search(words, end)
-    assert device.forces == [0.0]
-    rows = rows_of(log)
+    assert device.forces == [0.0] * axes
+    rows = rows_of(log, axes)
     seen = sample or len(rows) - 1
     assert 50 < seen <= len(rows) <= seen + 1
-    np.testing.assert_allclose(rows[:seen, 1], PUSH[:seen], atol=1e-9)
-    np.testing.assert_array_equal(rows[seen:, 1], 0.0)
-    np.testing.assert_allclose(rows[:, 2], device.readings[: len(rows)], atol=1e-12)
+    np.testing.assert_allclose(rows[:seen, axes], PUSH[:seen], atol=1e-8)
+    np.testing.assert_allclose(rows[:seen, 1], PUSH[:seen] * 0.01 ** (axes - 1), atol=1e-8)
+    np.testing.assert_array_equal(rows[seen:, 1 : axes + 1], 0.0)
+    np.testing.assert_allclose(rows[:, -1], device.readings[: len(rows)], atol=1e-12)
+    assert axes == 1 or np.ptp(rows[:, 4]) > 20 * np.ptp(rows[:, 3])
     # It stops at the first reading beyond a limit, not before and not after.
-    moved = np.abs(rows[:, 2] - rows[0, 2])
+    moved = np.abs(rows[:, -1] - rows[0, -1])
     if case == "too far":
         assert moved[-1] > limits["travel"]
         assert moved[:-1].max() <= limits["travel"]
-    speed = np.abs(rows[10:, 2] - rows[:-10, 2]) / 0.01
+    speed = np.abs(rows[10:, -1] - rows[:-10, -1]) / 0.01
     if case == "too fast":
         assert speed[-1] > limits["speed"] >= speed[:-1].max()
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(
-    ("fault", "limits", "words", "rows"),
-    [
-        (Fault(), WIDE, "played to the end", PUSH.size + 1),
-        (Fault(stop_from=300), WIDE, "emergency stop", 301),
-        (Fault(nan_from=300), WIDE, "not a number", 300),
-        (Fault(), WIDE | {"travel": 0.01}, "travel exceeded", None),
-    ],
-)
-def test_a_force_of_each_axis_is_played_and_either_axis_stops_both(
-    players: dict[str, Play],
-    tmp_path: Path,
-    language: str,
-    fault: Fault,
-    limits: dict[str, float],
-    words: str,
-    rows: int | None,
-) -> None:
-    device, plan = SteppedDevice(fault, 2), tmp_path / "force.csv"
-    lines = [f"{k * STEP:.9g},{0.01 * force:.9g},{force:.9g}" for k, force in enumerate(PUSH)]
-    plan.write_text("\n".join(["time,force_x,force_y", *lines]) + "\n", encoding="utf-8")
-    log, end = players[language](device, plan, limits)
-    assert words in end
-    assert device.forces == [0.0, 0.0]
-    header, *kept = log.splitlines()
-    assert header == "time,force_x,force_y,position_x,position_y"
-    found = np.array([[float(cell) for cell in line.split(",")] for line in kept])
-    if rows is not None:
-        assert len(found) == rows
-    played = min(len(found) - 1, PUSH.size)
-    np.testing.assert_allclose(found[:played, 2], PUSH[:played], atol=1e-8)
-    np.testing.assert_allclose(found[:played, 1], 0.01 * PUSH[:played], atol=1e-8)
-    assert np.ptp(found[:, 4]) > 100 * np.ptp(found[:, 3])
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

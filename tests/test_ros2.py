@@ -460,15 +460,6 @@ def test_readings_that_grow_old_on_their_way_give_no_force(bench: Bench) -> None
         assert bench.force == 0.0
 
 
-def test_a_queue_that_comes_at_once_gives_force_from_new_readings_alone(bench: Bench) -> None:
-    bench.settle()
-    for k in range(40, 0, -1):
-        bench.message(late=float(k))
-        if k > bench.covered // PERIOD:
-            assert bench.force == 0.0
-    bench.settle()
-
-
 @pytest.mark.parametrize("jump", [3600.0, -3600.0, -0.003])
 def test_a_jump_of_the_clock_of_stamps_ends_neither_node_nor_limits(
     bench: Bench, jump: float

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import typer
 
-from tests.commands import files
+from tests.commands import FULL, failing, files
 from tests.processes import needs_full_device, redirected
 from tune.cli.session import Session, run_command
 
@@ -78,11 +78,8 @@ def test_a_failure_between_two_files_says_which_is_written(
         for name in ("one.c", "two.h"):
             session.target(Path(name))
         session.write(Path("one.c"), "int one;\n")
-        monkeypatch.setattr("os.fsync", full)
+        monkeypatch.setattr("os.fsync", failing(FULL))
         session.write(Path("two.h"), "int two;\n")
-
-    def full(_: int) -> None:
-        raise OSError(28, "No space left on device")
 
     with pytest.raises(typer.Exit) as ended:
         run_command(Session(command="export", as_json=False, quiet=False), action)

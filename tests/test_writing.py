@@ -8,7 +8,7 @@ from typing import NoReturn
 import pytest
 
 from identification import NotWrittenError, write_text
-from tests.commands import files
+from tests.commands import FULL, failing, files
 from tests.processes import needs_posix
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -37,10 +37,7 @@ def test_an_interruption_at_any_step_leaves_everything_readable(
 
 
 def test_file_systems_without_links_get_a_copy(monkeypatch: pytest.MonkeyPatch) -> None:
-    def unable(*_: object) -> NoReturn:
-        raise OSError(95, "Operation not supported")
-
-    monkeypatch.setattr("os.link", unable)
+    monkeypatch.setattr("os.link", failing(OSError(95, "Operation not supported")))
     for text in ("one\n", "two\n", "three\n"):
         write_text(Path("a.yaml"), text)
     assert Path("a.yaml.bak").read_text(encoding="utf-8") == "one\n"
@@ -54,11 +51,8 @@ def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
     write_text(Path("a.yaml"), "one\n")
     Path("a.yaml.bak").mkdir()
 
-    def unable(*_: object) -> NoReturn:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.link", unable)
-    monkeypatch.setattr("shutil.copy2", unable)
+    monkeypatch.setattr("os.link", failing(FULL))
+    monkeypatch.setattr("shutil.copy2", failing(FULL))
     with pytest.raises(NotWrittenError, match=r"its backup a\.yaml\.bak2 cannot be kept: No space"):
         write_text(Path("a.yaml"), "two\n")
     assert Path("a.yaml").read_text(encoding="utf-8") == "one\n"
@@ -68,9 +62,7 @@ def test_a_backup_that_cannot_be_kept_is_named_and_nothing_is_changed(
 def test_a_read_only_file_system_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """There even what is not there cannot be removed."""
 
-    def unable(*_: object, **__: object) -> NoReturn:
-        raise OSError(30, "Read-only file system")
-
+    unable = failing(OSError(30, "Read-only file system"))
     with monkeypatch.context() as patched:
         patched.setattr("os.open", unable)
         patched.setattr("pathlib.Path.unlink", unable)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from identification import load_device
-from tests.commands import FLUID, files, haptune
+from tests.commands import FLUID, bundled_log, files, haptune
 
 COMMANDS = {
     "demo": "--planar --json --quiet --verbose",
@@ -77,8 +77,8 @@ def test_no_command_shows_the_help_and_is_a_usage_error() -> None:
     assert ended.err.startswith("Usage: haptune")
 
 
-def test_the_main_job_from_simulation_to_check() -> None:
-    assert haptune("simulate", "homerehab", "--quiet").code == 0
+def test_the_main_job_from_a_log_to_check() -> None:
+    Path("log.csv").write_text(bundled_log(), encoding="utf-8")
     assert haptune("new", "hardware", "--device", "homerehab").code == 0
     ended = haptune("calibrate", "log.csv", "--hardware", "hardware.yaml", "--scene", "scene.yaml")
     assert ended.code == 0, ended.err

@@ -67,50 +67,6 @@ def test_a_free_device_between_walls_with_ice_ends_no_faster_than_it_began(
     assert np.abs(run.speed[-1000:]).max() < 2e-3 * speed
 
 
-def test_a_spring_switched_twice_a_swing_never_grows(tmp_path: Path) -> None:
-    """Rubber of which a swing lasts 0.29 s; resting at 0 it would go from 0.13 to over 2 m/s."""
-    profile = made("homerehab", {"rubber": (1400.0, 0.0, 0.0)}, speed=SPEED)
-    run = played(
-        built(export(profile, "c"), tmp_path),
-        profile,
-        lambda k, _: int(k % 160 < 112),
-        place=0.0,
-        speed=0.13,
-        periods=5000,
-        faces={1: (0.0, 0)},
-    )
-    assert set(run.statuses) == {"OK"}
-    assert fastest(run) == 0.13
-    assert np.abs(run.force).max() > 1
-    assert np.abs(run.speed[-1000:]).max() < 1e-3
-
-
-def test_a_gain_that_falls_going_in_and_rises_coming_out_never_pumps(tmp_path: Path) -> None:
-    """Of a wall; a gain that rose inside would make 1.34 m/s of 0.2."""
-    profile, speed = made("homerehab", {"wall": STIFF}, speed=SPEED), 0.2
-    before = -0.02
-
-    def gain(_: int, reading: float) -> float:
-        nonlocal before
-        before, moved = reading, reading - before
-        return 0.3 if moved > 0 else 1.0
-
-    run = played(
-        built(export(profile, "c"), tmp_path),
-        profile,
-        lambda _, __: 1,
-        place=before,
-        speed=speed,
-        periods=4000,
-        faces={1: (0.0, -1)},
-        gain=gain,
-    )
-    assert set(run.statuses) == {"OK"}
-    assert fastest(run) == speed
-    assert -0.3 * 28 <= run.force.min() < -1
-    assert run.force.max() <= 0
-
-
 @pytest.mark.parametrize("seed", thinned(range(100), 3))
 def test_whatever_is_called_a_free_device_comes_to_rest_no_faster(
     tmp_path: Path, seed: int

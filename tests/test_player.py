@@ -249,7 +249,8 @@ def test_a_plan_that_is_played_and_logged_tells_mass_and_damping(
     np.testing.assert_allclose(*logs, rtol=0, atol=1e-12)
     planned = np.loadtxt("force.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(logs[0][:-1, :2], planned, rtol=0, atol=1e-9)
-    ended = haptune("identify", "c.csv", "--hardware", "hardware.yaml")
+    identify = ("identify", "c.csv", "--hardware", "hardware.yaml", "--method", "instruments")
+    ended = haptune(*identify)
     assert ended.code == 0, ended.err
     device = load_device("device.yaml")
     assert device.mass.low <= 3.0 <= device.mass.high

@@ -14,11 +14,18 @@ import numpy as np
 import pytest
 import yaml
 
-from identification import InvalidInputError, UnstatedError, UsageError, to_mapping, to_yaml
+from identification import (
+    InvalidInputError,
+    UnstatedError,
+    UsageError,
+    load_device,
+    to_mapping,
+    to_yaml,
+)
 from tests.commands import FULL, digest_of, failing, files, haptune
-from tests.exported import FADE, LOOPS, changed, on_axes, poles, renamed, tuned
+from tests.exported import FADE, LOOPS, SCENE, changed, on_axes, poles, renamed, tuned
 from tests.guard import compiler, compiles, write
-from tune import CheckFailedError, export
+from tune import CheckFailedError, SafeProfile, Scene, export, optimise
 from tune.exporters import TARGETS, Target
 
 HOSTILE = (
@@ -258,9 +265,16 @@ def test_more_elements_than_bits_are_refused() -> None:
 ALL = {"haptune_guard.c", "haptune_guard.h", "haptune_chai3d.hpp", "haptune_profile.json"}
 
 
+@functools.cache
+def walled() -> SafeProfile:
+    """One wall: a command checks anew what it exports."""
+    scene = {"elements": {"wall": SCENE["elements"]["wall"]}, "loop": {"velocity_filter_hz": 50.0}}
+    return optimise(load_device("homerehab"), Scene.model_validate(scene))
+
+
 @pytest.fixture
 def here(here: Path) -> Path:
-    Path("profile.yaml").write_text(tuned().to_yaml(), encoding="utf-8")
+    Path("profile.yaml").write_text(walled().to_yaml(), encoding="utf-8")
     return here
 
 
@@ -270,7 +284,7 @@ def test_several_targets_are_written_atomically_with_backup_and_difference(here:
     assert files() == {"profile.yaml", "haptune_controller", *ALL}
     for target in TARGETS:
         folder = Path("haptune_controller" if target == "ros2" else "")
-        for name, text in export(tuned(), target).items():
+        for name, text in export(walled(), target).items():
             assert (folder / name).read_text(encoding="utf-8") == text
     Path("haptune_guard.c").write_text("int mine;\n", encoding="utf-8")
     ended = haptune("export", "profile.yaml", "--to", "c")
@@ -280,7 +294,7 @@ def test_several_targets_are_written_atomically_with_backup_and_difference(here:
 
 def _forged(where: str, value: Any) -> str:
     """A profile whose digest is right and whose certificate is not."""
-    content = to_mapping(tuned())
+    content = to_mapping(walled())
     *above, last = where.split(".")
     functools.reduce(lambda part, key: part[key], above, content)[last] = value
     content["digest"] = digest_of(content)
@@ -310,7 +324,7 @@ def _forged(where: str, value: Any) -> str:
 def test_a_refusal_has_its_code_and_writes_nothing(
     here: Path, code: int, words: str, arguments: str
 ) -> None:
-    text = tuned().to_yaml()
+    text = walled().to_yaml()
     Path("haptune_profile.json").write_text(text, encoding="utf-8")
     changed_text = text.replace("stiffness: 500.0", "stiffness: 501.0", 1)
     Path("changed.yaml").write_text(changed_text, encoding="utf-8")

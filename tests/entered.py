@@ -15,15 +15,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """What happened in each period, shape (periods,).
-
-    Attributes:
-        place: true position, m (rad).
-        speed: true velocity, m/s (rad/s).
-        force: that the guard gave, N (N·m).
-        touched: whether any element was asked for.
-        statuses: of the guard.
-    """
+    """What happened in each period, shape (periods,), in SI units; place and speed are true."""
 
     place: FloatArray
     speed: FloatArray

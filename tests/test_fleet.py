@@ -100,32 +100,26 @@ def test_what_is_done_and_unchanged_is_not_done_again(here: Path) -> None:
     assert again.result["details"]["done_before"] == COUNT + 1
     assert contents(here / "fleet") == before
     assert {path: path.stat().st_mtime_ns for path in records(here / "fleet")} == times
-    # Another log, a profile that somebody changed, a log that came late: those three are left.
+    # Another log, a profile that somebody changed, a log that is none now, and one that came late.
     shutil.copy("logs/SN1.csv", "logs/SN0.csv")
     with Path("fleet/profiles/SN3.yaml").open("a", encoding="utf-8") as profile:
         profile.write("# changed\n")
+    Path("logs/SN5.csv").write_text("time,force,position\n0,1,0\n", encoding="utf-8")
     shutil.copy("logs/SN4.csv", "logs/none.csv")
     told = haptune(*COMMAND, "--dry-run")
     listed = re.findall(r"dry run: (\w+) would", told.out)
-    assert listed == ["SN0", "SN3", "SNnone"]
+    assert listed == ["SN0", "SN3", "SN5", "SNnone"]
     done = haptune(*COMMAND, "--workers", "1")
-    assert done.code == 0, done.err
-    assert table()["exit_code"].to_list() == [0] * (COUNT + 1)
+    assert done.code == 4
+    assert table()["exit_code"].to_list() == [0] * (COUNT - 1) + [4, 0]
     assert table()["mass"][0] == table()["mass"][1]
-    assert contents(here / "fleet")["profiles/SN3.yaml"] == before["profiles/SN3.yaml"]
+    after = contents(here / "fleet")
+    assert after["profiles/SN3.yaml"] == before["profiles/SN3.yaml"]
+    assert "profiles/SN5.yaml" not in after  # what is refused later loses its profile
+    assert after["profiles/SN5.yaml.bak"] == before["profiles/SN5.yaml"]
     # Another scene: all of them.
     Path("scene.yaml").write_text(FLUID.replace("10", "9"), encoding="utf-8")
     assert haptune(*COMMAND, "--dry-run").out.count("would be done") == COUNT + 1
-
-
-def test_a_device_that_is_refused_later_loses_its_profile(here: Path) -> None:
-    before = Path("fleet/profiles/SN0.yaml").read_bytes()
-    Path("logs/SN0.csv").write_text("time,force,position\n0,1,0\n", encoding="utf-8")
-    done = haptune(*COMMAND, "--workers", "1")
-    assert done.code == 4
-    assert not Path("fleet/profiles/SN0.yaml").exists()
-    assert Path("fleet/profiles/SN0.yaml.bak").read_bytes() == before
-    assert table()["exit_code"][0] == 4
 
 
 def run_in_background(folder: Path, *more: str) -> subprocess.Popen[bytes]:

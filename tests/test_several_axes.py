@@ -135,7 +135,7 @@ def test_intervals_of_three_hundred_devices_cover() -> None:
 def test_one_force_on_both_axes_tells_them_not_apart(own: float) -> None:
     """What both matrices have in common is pushed; hardly anything moves the axes apart."""
     damping = np.array([[11.0, 2.0], [2.0, 11.0]])
-    seen = motion(MASS, damping, np.zeros(2), seed=3, own=own, noise=2e-5, rows=2500)
+    seen = motion(MASS, damping, np.zeros(2), seed=3, own=own, noise=2e-5, rows=4000)
     with pytest.raises(LogRefusedError) as refused:
         identify(seen.log(), hardware=hardware())
     assert "axes-not-told-apart" in {each.code for each in refused.value.findings}

@@ -155,7 +155,7 @@ VIEWS: dict[str, View] = {
     "backlash": _RINGING,
     "drive-lag": replace(_FRICTION, level="severe"),
     "load-friction": replace(_FRICTION, level="severe"),
-    "unmodelled-force": _FRICTION,
+    "unmodelled-force": replace(_FRICTION, level="severe"),
 }
 
 

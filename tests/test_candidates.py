@@ -19,6 +19,7 @@ from tune import (
     candidates,
     compare_candidates,
     load_profile,
+    load_scene,
     optimise,
     what_if,
 )
@@ -201,6 +202,8 @@ def test_the_command_shows_the_table_and_its_numbers_in_json(here: Path) -> None
     ended = haptune("tune", "homerehab", "scene.yaml", "--what-if", "--dry-run", "--json")
     assert ended.code == 0, ended.err
     rows = ended.result["details"]["what_if"]
+    told = what_if(load_device("homerehab"), load_scene("scene.yaml"))
+    assert [(each.change, each.total) for each in told] == [(r["change"], r["total"]) for r in rows]
     assert rows[0]["change"] == "as it is"
     assert {row["change"] for row in rows[1:]} == {*CHANGES, "twice the force"}
     less, own, more = (

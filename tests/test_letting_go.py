@@ -180,6 +180,8 @@ def test_what_fades_is_pushed_when_it_has_faded_in() -> None:
         assert advice.play is not None
         said = "held still for 0.1 s until it has faded in, then pushed to 0.2 m/s"
         assert (said in advice.words("linear")) is fades
+        # Five time constants, of 3 kg behind some 10 N·s/m, and some rest.
+        assert 5 * 3 / 10 + 0.5 <= advice.play.duration < 3
 
 
 def test_a_handle_that_stops_at_once_at_a_fast_rate_is_a_sentence() -> None:

@@ -141,13 +141,11 @@ def _common_denominator(velocity: _Estimator, acceleration: _Estimator) -> Law:
     missing = list(velocity.factors)
     only_acceleration: list[Polynomial] = []
     for factor in acceleration.factors:
-        values = (other.value for other in missing)
-        alike = (k for k, value in enumerate(values) if np.array_equal(factor.value, value))
-        shared = next(alike, None)
-        if shared is None:
-            only_acceleration.append(factor)
+        alike = [np.array_equal(factor.value, other.value) for other in missing]
+        if any(alike):
+            missing.pop(alike.index(True))
         else:
-            missing.pop(shared)
+            only_acceleration.append(factor)
     denominator = ONE.times(*acceleration.factors, *missing)
     return Law(
         denominator=denominator,

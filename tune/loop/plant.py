@@ -243,6 +243,11 @@ class HandNumbers(NamedTuple):
     damping: ArrayLike
     stiffness: ArrayLike
 
+    @classmethod
+    def of(cls, hand: Hand) -> HandNumbers:
+        """The best estimate of a hand."""
+        return cls(mass=hand.mass.value, damping=hand.damping.value, stiffness=hand.stiffness.value)
+
 
 class _Vibration(NamedTuple):
     """A mode in units of the sample time: 2ζΩ, Ω², e and p, arrays of one shape."""
@@ -384,7 +389,7 @@ class SampledPlant:
             sample_time=device.sample_time.value,
             delay_samples=device.delay.value / device.sample_time.value + extra_delay_samples,
             modes=tuple(ModeNumbers.of(mode) for mode in device.modes),
-            hand=None if hand is None else HandNumbers(*(each.value for _, each in hand)),
+            hand=None if hand is None else HandNumbers.of(hand),
             current_lag=0.0 if device.current_lag is None else device.current_lag.value,
             position_stiffness=device.slope_at_zero,
         )

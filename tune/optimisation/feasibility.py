@@ -100,7 +100,7 @@ def forces(combination: Combination, sizes: FloatArray) -> tuple[FloatArray, Flo
 
 def is_feasible(problem: Problem, sizes: FloatArray) -> bool:
     """True where forces, rendering, ripple and stability with the whole margin hold, exactly."""
-    if not np.all(problem.linear.used(sizes) <= 1 + CLOSE):
+    if not bool(_keeps_linear_limits(problem, sizes)):
         return False
     if len(problem.unknowns) == 1:
         size = float(sizes[0])
@@ -119,7 +119,7 @@ def feasible_points(problem: Problem, points: FloatArray) -> BoolArray:
 
 def passes_cheap_limits(problem: Problem, points: FloatArray) -> BoolArray:
     """True where forces, rendering and ripple keep to their limits; stability is not looked at."""
-    good: BoolArray = np.all(problem.linear.used(points.T) <= 1 + CLOSE, axis=0)
+    good = _keeps_linear_limits(problem, points.T)
     resolution = problem.limits.encoder_resolution
     if resolution is not None:
         quiet = np.ones(np.count_nonzero(good), dtype=np.bool_)
@@ -137,6 +137,11 @@ def stable_in_doubles(problem: Problem, points: FloatArray) -> BoolArray:
         for effects in _felt(problem, problem.margin.gain * points):
             stable &= np.all(is_stable(loop, effects), axis=(1, 2))
     return stable
+
+
+def _keeps_linear_limits(problem: Problem, sizes: FloatArray) -> BoolArray:
+    """True where none asks for too much force, and all is felt; sizes are (unknowns, ...)."""
+    return np.all(problem.linear.used(sizes) <= 1 + CLOSE, axis=0)
 
 
 def _largest_quiet_size(problem: Problem, index: int, top: float) -> float:
